@@ -163,7 +163,7 @@ def zone_set_by_link(_place: Place) -> Reader:
             return data
 
         with patch.object(builtin, "download", fetched):
-            return asyncio.run(plugin._work(wanted))
+            return asyncio.run(plugin._download_zone_set(wanted))
 
     return Reader(read, (ZONES, json.dumps(json.loads(ZONES)["zoneSet"]).encode()), (WorkFailedError,))
 

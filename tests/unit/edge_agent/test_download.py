@@ -15,7 +15,7 @@ import pytest
 from nena_edge_agent.download import (
     DownloadError,
     DownloadSettings,
-    _checked,
+    _checked_connection,
     _Connections,
     _NetworkRange,
     _Redirects,
@@ -231,6 +231,6 @@ def test_a_tunnel_through_a_proxy_leads_to_the_network() -> None:
     request, connections = Request("https://maps.site/map.pgm"), _Connections()
     request.set_proxy("127.0.0.1:3128", "http")
 
-    assert _checked(HTTPSConnection, connections, request) is HTTPSConnection
+    assert _checked_connection(HTTPSConnection, connections, request) is HTTPSConnection
     with pytest.raises(DownloadError, match="which is the robot itself"):
         connections.check("127.0.0.1")

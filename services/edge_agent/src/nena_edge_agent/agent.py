@@ -147,7 +147,7 @@ class RobotAgent:
         self._ending = asyncio.Event()
         self._logged_errors: tuple[ErrorEntry, ...] = ()
         self._shown = self._core.state(self._messages.headers.form(0))
-        self._link = self._connect(make_link)
+        self._link = self._make_connection(make_link)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Run until ``stop`` is set or fleet control shuts the robot down, then disconnect in order.
@@ -159,7 +159,7 @@ class RobotAgent:
         """
         bind_contextvars(robot=str(self.robot))  # for the logs of all called code
         for extension in self._extensions:
-            self._isolated(self._start_extension, extension)
+            self._isolate_errors(self._start_extension, extension)
         if self._journal_loss:
             self._log.error("no orders are accepted: the journal is lost", reason=self._journal_loss)
             self._mailbox.put(events.ErrorSwitched(journal_lost(self._journal_loss), active=True))
@@ -173,16 +173,16 @@ class RobotAgent:
                 supervisor.start(f"link {self.robot}", self._link.run())
                 try:
                     await self._driver.start()  # meanwhile the link connects; messages wait in the mailbox
-                    supervisor.start(f"robot {self.robot}", self._serve())
+                    supervisor.start(f"robot {self.robot}", self._serve_events())
                     await supervisor.wait(self._begin_power(supervisor, stop))
                 except Exception:
-                    await self._disconnect(ConnectionState.CONNECTION_BROKEN)
+                    await self._publish_disconnection(ConnectionState.CONNECTION_BROKEN)
                     raise
-                await self._disconnect(ConnectionState.OFFLINE)
+                await self._publish_disconnection(ConnectionState.OFFLINE)
         finally:
             self._runner.close()
             for extension in self._extensions:
-                self._isolated(extension.on_end, self._robot)
+                self._isolate_errors(extension.on_end, self._robot)
             await self._driver.stop()
         if self._shuts_down:
             await self._shut_down()
@@ -199,18 +199,18 @@ class RobotAgent:
             self._core.robot.errors.entries,
         )
 
-    async def _serve(self) -> None:
+    async def _serve_events(self) -> None:
         while True:
             await self._mailbox.wait(self._next_due() - self._clock.monotonic())
-            effects = self._handle(self._mailbox.take())
+            effects = self._handle_event(self._mailbox.take())
             await self._write_record()
-            to_driver = (each for each in effects if isinstance(each, DRIVER_EFFECTS))
+            to_driver = (effect for effect in effects if isinstance(effect, DRIVER_EFFECTS))
             written = self._recorder.has_written(self._core.durable_version)
             self._perform_all(self._drives.sift(to_driver, recorded=written))
             await self._recorder.sync()
-            others = (each for each in effects if not isinstance(each, DRIVER_EFFECTS))
-            self._perform_all(self._others.sift(others, recorded=self._recorded))
-            self._isolated(self._publish_due)
+            others = (effect for effect in effects if not isinstance(effect, DRIVER_EFFECTS))
+            self._perform_all(self._others.sift(others, recorded=self._is_recorded))
+            self._isolate_errors(self._publish_due)
 
     def _begin_power(self, supervisor: Supervisor, stop: asyncio.Event) -> asyncio.Event:
         """Serve hibernation and shutdown if the robot offers them; return the event that ends the agent."""
@@ -248,7 +248,7 @@ class RobotAgent:
             message = f"the robot could not be shut down: {problem}; check power.shutdown_command"
             raise StartError(message)
 
-    def _handle(self, received: list[events.Event]) -> list[events.Effect]:
+    def _handle_event(self, received: list[events.Event]) -> list[events.Effect]:
         now = self._clock.monotonic()
         if self._core.power is not PowerPhase.AWAKE:
             received.append(
@@ -267,7 +267,7 @@ class RobotAgent:
                 continue
             effects.extend(followed)
             for extension in self._extensions:
-                self._isolated(extension.on_event, self._robot, event, followed, self._core.robot)
+                self._isolate_errors(extension.on_event, self._robot, event, followed, self._core.robot)
         self._log_new_errors()
         return effects
 
@@ -276,7 +276,7 @@ class RobotAgent:
         shown = self._core.robot.errors.entries
         if shown is self._logged_errors:
             return
-        before = {error_key(each) for each in self._logged_errors}
+        before = {error_key(error) for error in self._logged_errors}
         self._logged_errors = shown
         for entry in shown:
             if error_key(entry) not in before:
@@ -288,7 +288,7 @@ class RobotAgent:
                 )
 
     @property
-    def _recorded(self) -> bool:
+    def _is_recorded(self) -> bool:
         """Return whether everything that must survive a power failure is on disk."""
         return self._recorder.has_synced(self._core.durable_version)
 
@@ -304,14 +304,14 @@ class RobotAgent:
 
     def _perform_all(self, effects: Iterable[events.Effect]) -> None:
         for effect in effects:
-            self._isolated(self._perform, effect)
+            self._isolate_errors(self._perform_effect, effect)
 
-    def _perform(self, effect: events.Effect) -> None:  # noqa: C901, PLR0912 - a case for each effect
+    def _perform_effect(self, effect: events.Effect) -> None:  # noqa: C901, PLR0912 - a case for each effect
         match effect:
             case events.ReportState():
                 self._states.request(self._clock.monotonic())
             case events.Drive(goal):
-                self._drive(goal)
+                self._start_drive(goal)
             case events.Halt():
                 self._driver.halt()
             case events.LimitSpeed(speed):
@@ -321,7 +321,7 @@ class RobotAgent:
             case events.SetPosition(pose):
                 self._driver.initialize_position(pose)
             case events.SendFactsheet():
-                self._publish(self._messages.factsheet(self._core.robot.reports.limits))
+                self._publish_message(self._messages.factsheet(self._core.robot.reports.limits))
             case events.StartAction():
                 self._runner.start(effect)
             case events.PauseAction():
@@ -332,20 +332,20 @@ class RobotAgent:
                 self._runner.cancel(effect)
             case events.Hibernate(wake_up_at):
                 self._log.info("hibernating", wake_up_at=wake_up_at and iso(wake_up_at))
-                self._publish(self._messages.connection(ConnectionState.HIBERNATING))
+                self._publish_message(self._messages.connection(ConnectionState.HIBERNATING))
                 self._commands.put_nowait(effect)
             case events.Wake():
                 self._commands.put_nowait(effect)
             case events.GoOnline():
                 self._log.info("awake")
-                self._publish(self._messages.connection(ConnectionState.ONLINE))
+                self._publish_message(self._messages.connection(ConnectionState.ONLINE))
             case events.ShutDown():
                 self._shuts_down = True
                 self._ending.set()
             case events.LogIgnored(message):
                 self._log.info("ignored while hibernating or shutting down", message=message)
 
-    def _drive(self, goal: DriveGoal) -> None:
+    def _start_drive(self, goal: DriveGoal) -> None:
         try:
             self._driver.go_to(goal)
         except Exception as error:
@@ -353,7 +353,7 @@ class RobotAgent:
             text = f"the driver failed: {error}"
             self._mailbox.put(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, text))
 
-    def _isolated(self, step: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
+    def _isolate_errors(self, step: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
         """Run ``step``; if it fails, log that, and continue the robot's task."""
         try:
             step(*args, **kwargs)
@@ -364,7 +364,7 @@ class RobotAgent:
         if self._core.power.silent:
             return self._clock.monotonic() + TIMEOUT_INTERVAL
         due = min(self._states.due, self._visualizations.due)
-        waits = self._core.waits or not self._recorded
+        waits = self._core.waits or not self._is_recorded
         return min(due, self._clock.monotonic() + TIMEOUT_INTERVAL) if waits else due
 
     def _publish_due(self) -> None:
@@ -378,11 +378,11 @@ class RobotAgent:
             self._publish_state()
             self._states.sent(now)
             ends = self._core.power is PowerPhase.SHUTTING_DOWN  # a restart is awake, so it needs no record
-            if self._link.state.connected and (ends or (self._core.power.signs_off and self._recorded)):
+            if self._link.state.connected and (ends or (self._core.power.signs_off and self._is_recorded)):
                 self._mailbox.put(events.SignedOff())
         if self._visualizations.due <= now:
             if self._link.state.connected and self._core.robot.reports.pose is not None:
-                self._publish(self._messages.visualization(self._visualization()))
+                self._publish_message(self._messages.visualization(self._make_visualization()))
             self._visualizations.sent(now)
 
     def _publish_state(self) -> None:
@@ -390,10 +390,10 @@ class RobotAgent:
         if not (self._greeting or self._link.state.connected):
             return
         state = self._core.state(self._messages.headers.make(Topic.STATE))
-        if not self._recorded:
+        if not self._is_recorded:
             ends = self._core.power is PowerPhase.SHUTTING_DOWN
             state = with_recorded_fields(state, self._shown, last=ends)
-        self._publish(self._messages.state(state, keep=self._greeting))
+        self._publish_message(self._messages.state(state, keep=self._greeting))
         self._shown, self._greeting = state, False
         self._log_ended_actions(state)
 
@@ -410,42 +410,42 @@ class RobotAgent:
             )
         self._logged_ends = frozenset(ended)
 
-    def _visualization(self) -> Visualization:
+    def _make_visualization(self) -> Visualization:
         header = self._messages.headers.make(Topic.VISUALIZATION)
         return self._core.visualization(header, self._messages.headers.last_id(Topic.STATE))
 
-    def _connect(self, make_link: Callable[..., BrokerLink]) -> BrokerLink:
+    def _make_connection(self, make_link: Callable[..., BrokerLink]) -> BrokerLink:
         link = make_link(
             self._settings.mqtt,
             client_id=client_id_of(self.robot, self._messages.topics, self._settings.mqtt),
             hooks=LinkHooks(
                 will=lambda: self._messages.connection(ConnectionState.CONNECTION_BROKEN),
-                on_connected=self._greet,
+                on_connected=self._first_messages,
                 on_subscribed=self._on_subscribed,
                 on_lost=self._on_lost,
             ),
         )
         for topic, handler in self._inbox.handlers(zones=bool(self._capabilities.zones)).items():
-            observed = partial(self._receive, handler)
+            observed = partial(self._handle_message, handler)
             link.subscribe(self._messages.topic(topic), observed, qos=self._settings.qos)
         self._robot.link.use(link)
         return link
 
-    def _receive(self, handler: Handler, message: Inbound) -> None:
+    def _handle_message(self, handler: Handler, message: Inbound) -> None:
         self._observe_message(message)
         handler(message)
 
-    def _publish(self, message: Outbound) -> None:
+    def _publish_message(self, message: Outbound) -> None:
         self._observe_message(message)
         self._link.publish(message)
 
     def _observe_message(self, message: Inbound | Outbound) -> None:
         for extension in self._extensions:
-            self._isolated(extension.on_message, self._robot, message)
+            self._isolate_errors(extension.on_message, self._robot, message)
 
     def _observe_record(self, record: bytes) -> None:
         for extension in self._extensions:
-            self._isolated(extension.on_record, self._robot, record)
+            self._isolate_errors(extension.on_record, self._robot, record)
 
     def _start_extension(self, extension: Extension) -> None:
         for event in extension.on_start(self._robot):
@@ -454,7 +454,7 @@ class RobotAgent:
     def _add_greetings(self, extension: Extension, greetings: list[Outbound]) -> None:
         greetings.extend(extension.on_connect(self._robot))
 
-    def _greet(self) -> Iterator[Outbound]:
+    def _first_messages(self) -> Iterator[Outbound]:
         """Yield the first messages of a connection; the robot's task publishes the state after them."""
         state = ConnectionState.HIBERNATING if self._core.power.silent else ConnectionState.ONLINE
         greetings = [
@@ -464,7 +464,7 @@ class RobotAgent:
         for message in greetings:
             self._observe_message(message)
         for extension in self._extensions:
-            self._isolated(self._add_greetings, extension, greetings)
+            self._isolate_errors(self._add_greetings, extension, greetings)
         yield from greetings
         self._greeting = True
         self._mailbox.wake()
@@ -477,7 +477,7 @@ class RobotAgent:
         self._mailbox.put(events.SubscriptionsReport(self._link.state.refused))
         self._mailbox.put(events.LinkReport(connected=True))
 
-    async def _disconnect(self, state: ConnectionState) -> None:
-        self._publish(self._messages.connection(state))
+    async def _publish_disconnection(self, state: ConnectionState) -> None:
+        self._publish_message(self._messages.connection(state))
         if not await self._link.drain(DISCONNECT_TIMEOUT):
             self._log.warning("the connection ended before the last messages were sent")

@@ -58,7 +58,7 @@ async def download(link: str, digest: str | None, settings: DownloadSettings) ->
         raise DownloadError(message)
     try:
         async with asyncio.timeout(settings.timeout):
-            content = await asyncio.to_thread(_fetch, link, settings)
+            content = await asyncio.to_thread(_fetch_file, link, settings)
     except TimeoutError:
         message = f"{link} was not downloaded within {settings.timeout:g} s"
         raise DownloadError(message) from None
@@ -71,18 +71,18 @@ async def download(link: str, digest: str | None, settings: DownloadSettings) ->
     return content
 
 
-def _fetch(link: str, settings: DownloadSettings) -> bytes:
+def _fetch_file(link: str, settings: DownloadSettings) -> bytes:
     """Download the file, blocking; both timeouts end it even if the caller no longer waits."""
     request = Request(link, headers={"User-Agent": "nena-edge-agent"})  # noqa: S310 - the scheme was checked
     end = monotonic() + settings.timeout
     parts: list[bytes] = []
     size = 0
     try:
-        with _opener().open(request, timeout=settings.silence) as answer:
+        with _make_opener().open(request, timeout=settings.silence) as answer:
             while part := answer.read1(CHUNK):
                 parts.append(part)
                 size += len(part)
-                _check(link, size, end, settings)
+                _check_size(link, size, end, settings)
             if answer.length:
                 message = f"{link} ended {answer.length} bytes early"
                 raise DownloadError(message)
@@ -92,7 +92,7 @@ def _fetch(link: str, settings: DownloadSettings) -> bytes:
     return b"".join(parts)
 
 
-def _check(link: str, size: int, end: float, settings: DownloadSettings) -> None:
+def _check_size(link: str, size: int, end: float, settings: DownloadSettings) -> None:
     """Raise DownloadError if the file is too large, or incomplete at the monotonic time ``end``."""
     if size > settings.maximum_bytes:
         message = f"{link} is larger than {settings.maximum_bytes} bytes"
@@ -156,7 +156,7 @@ class _Http(HTTPHandler):
         self._connections = connections
 
     def http_open(self, req: Request) -> HTTPResponse:
-        return self.do_open(_checked(HTTPConnection, self._connections, req), req)
+        return self.do_open(_checked_connection(HTTPConnection, self._connections, req), req)
 
 
 class _Https(HTTPSHandler):
@@ -165,10 +165,12 @@ class _Https(HTTPSHandler):
         self._connections = connections
 
     def https_open(self, req: Request) -> HTTPResponse:
-        return self.do_open(_checked(HTTPSConnection, self._connections, req), req)
+        return self.do_open(_checked_connection(HTTPSConnection, self._connections, req), req)
 
 
-def _checked(kind: type[HTTPConnection], connections: _Connections, request: Request) -> type[HTTPConnection]:
+def _checked_connection(
+    kind: type[HTTPConnection], connections: _Connections, request: Request
+) -> type[HTTPConnection]:
     """Return a connection class that checks its address, unless it connects to the site's proxy."""
     if request.has_proxy() or getattr(request, "_tunnel_host", None):
         connections.begin_behind_proxy()
@@ -197,7 +199,7 @@ class _Redirects(HTTPRedirectHandler):
         return new
 
 
-def _opener() -> OpenerDirector:
+def _make_opener() -> OpenerDirector:
     """Return an opener for http and https only: a server may redirect to other schemes."""
     opener = OpenerDirector()
     connections = _Connections()

@@ -57,7 +57,7 @@ async def _keep_up(
 ) -> bool:
     """Run the robot until it ends; return whether it ended normally."""
     for attempt in range(restarts + 1):
-        if await _run(name, make, stop):
+        if await _run_robot(name, make, stop):
             return True
         if attempt < restarts:
             seconds = min(pause * 2**attempt, MAXIMUM_RESTART_DELAY)
@@ -68,7 +68,7 @@ async def _keep_up(
     return False
 
 
-async def _run(name: str, make: Callable[[], Robot], stop: asyncio.Event) -> bool:
+async def _run_robot(name: str, make: Callable[[], Robot], stop: asyncio.Event) -> bool:
     """Run the robot once; return whether it ended normally."""
     try:
         await make().run(stop)

@@ -69,13 +69,13 @@ class Program:
             return
         query = self._disk_query
         if query is None or query.done():
-            query = asyncio.get_running_loop().run_in_executor(None, _free, self.journal)
+            query = asyncio.get_running_loop().run_in_executor(None, _free_bytes, self.journal)
             self._disk_query = query
         await asyncio.wait([query], timeout=REQUEST_TIMEOUT)
         self.disk_free = query.result() if query.done() else None
 
 
-def _free(folder: Path) -> float | None:
+def _free_bytes(folder: Path) -> float | None:
     try:
         return shutil.disk_usage(folder).free
     except OSError:
@@ -101,11 +101,11 @@ def _of_robot(kind: MetricKind, name: str, text: str, read: Read, *labels: str) 
     return Metric(name, kind, text, (*ROBOT, *labels), values)
 
 
-def _gauge(name: str, text: str, read: Read, *labels: str) -> Metric[Program]:
+def _make_gauge(name: str, text: str, read: Read, *labels: str) -> Metric[Program]:
     return _of_robot(MetricKind.GAUGE, name, text, read, *labels)
 
 
-def _counter(name: str, text: str, read: Read, *labels: str) -> Metric[Program]:
+def _make_counter(name: str, text: str, read: Read, *labels: str) -> Metric[Program]:
     return _of_robot(MetricKind.COUNTER, name, text, read, *labels)
 
 
@@ -118,14 +118,14 @@ def _journal_works(program: Program, snapshot: AgentSnapshot) -> bool | None:
     return None if program.journal is None else not snapshot.journal_problem
 
 
-def _link(read: Callable[[LinkState], float]) -> Read:
+def _read_link(read: Callable[[LinkState], float]) -> Read:
     return lambda _, snapshot: read(snapshot.link)
 
 
 PROTOCOL: Final[Section[Program]] = Section(
     "Messages and broker",
     (
-        _counter(
+        _make_counter(
             "nena_agent_messages_total",
             "Messages of fleet control: `taken`, `malformed`, `repaired` (taken, but violates the standard), "
             "`misdirected` (to another robot), `retained` (possibly old: ignored), `dropped` (too many).",
@@ -139,19 +139,23 @@ PROTOCOL: Final[Section[Program]] = Section(
             },
             "outcome",
         ),
-        _gauge("nena_agent_mqtt_connected", "1 while connected to the broker.", _link(lambda s: s.connected)),
-        _counter("nena_agent_mqtt_connects_total", "Connections to the broker.", _link(lambda s: s.connects)),
-        _counter(
+        _make_gauge(
+            "nena_agent_mqtt_connected", "1 while connected to the broker.", _read_link(lambda s: s.connected)
+        ),
+        _make_counter(
+            "nena_agent_mqtt_connects_total", "Connections to the broker.", _read_link(lambda s: s.connects)
+        ),
+        _make_counter(
             "nena_agent_mqtt_published_total",
             "Messages acknowledged by the broker.",
-            _link(lambda s: s.published),
+            _read_link(lambda s: s.published),
         ),
-        _counter(
+        _make_counter(
             "nena_agent_mqtt_dropped_total",
             "Messages not sent: the queue was full, or the link was down.",
-            _link(lambda s: s.dropped),
+            _read_link(lambda s: s.dropped),
         ),
-        _gauge(
+        _make_gauge(
             "nena_agent_fleet_clock_skew_seconds",
             "Clock of the order service minus the robot's, by the last orders; absent before the first.",
             lambda _, v: v.statistics.fleet_clock.seconds,
@@ -162,37 +166,41 @@ PROTOCOL: Final[Section[Program]] = Section(
 DRIVING: Final[Section[Program]] = Section(
     "Driving",
     (
-        _counter(
+        _make_counter(
             "nena_agent_drives_total",
-            "Drives by result: `ARRIVED`, " + ", ".join(f"`{each.value}`" for each in DriveFailure) + ".",
+            "Drives by result: `ARRIVED`, "
+            + ", ".join(f"`{failure.value}`" for failure in DriveFailure)
+            + ".",
             lambda _, v: {"ARRIVED": v.statistics.arrived} | v.statistics.failed,
             "result",
         ),
-        _counter("nena_agent_recoveries_total", "Recoveries of Nav2.", lambda _, v: v.statistics.recoveries),
-        _gauge(
+        _make_counter(
+            "nena_agent_recoveries_total", "Recoveries of Nav2.", lambda _, v: v.statistics.recoveries
+        ),
+        _make_gauge(
             "nena_agent_ros_session",
             "1 for the state of the ROS session: "
-            + ", ".join(f"`{each.value}`" for each in SessionState)
+            + ", ".join(f"`{state.value}`" for state in SessionState)
             + ".",
             lambda _, v: {v.statistics.session: 1} if v.statistics.session else None,
             "state",
         ),
-        _gauge(
+        _make_gauge(
             "nena_agent_localized",
             "1 while the robot is localised; 0 also if no pose arrives while it drives. Absent before the "
             "first pose.",
             lambda _, v: v.statistics.localized,
         ),
-        _gauge(
+        _make_gauge(
             "nena_agent_pose_age_seconds",
             "Time since the last valid pose; absent before the first. AMCL sends none at standstill.",
             _pose_age,
         ),
-        _gauge(
+        _make_gauge(
             "nena_agent_errors",
             "Active errors of the robot's state.",
             lambda _, v: {
-                level.value: sum(each.error_level is level for each in v.errors) for level in ErrorLevel
+                level.value: sum(error.error_level is level for error in v.errors) for level in ErrorLevel
             },
             "error_level",
         ),
@@ -203,7 +211,7 @@ DISK: Final[Section[Program]] = Section(
     "Journal and program",
     (
         gauge("nena_build_info", "Always 1.", lambda _: {version(DISTRIBUTION): 1}, "version"),
-        _gauge(
+        _make_gauge(
             "nena_agent_journal_works",
             "1 while orders and actions are written to disk; 0: nothing new is started. Absent without a "
             "journal.",
@@ -256,7 +264,7 @@ class MetricsServer:
         """
         host, port = self._settings.host, self._settings.port
         try:
-            server = await asyncio.start_server(self._serve, host, port, limit=HEAD_LIMIT)
+            server = await asyncio.start_server(self._serve_client, host, port, limit=HEAD_LIMIT)
         except OSError as error:
             message = f"metrics.host, metrics.port: cannot listen on {host}:{port}: {error.strerror or error}"
             raise StartError(message) from error
@@ -264,13 +272,13 @@ class MetricsServer:
         async with server:
             await server.serve_forever()
 
-    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _serve_client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._clients += 1
         try:
             if self._clients <= CLIENTS:
                 async with asyncio.timeout(2 * REQUEST_TIMEOUT):
                     head = await reader.readuntil(b"\r\n\r\n")
-                    writer.write(await self._answer(head.split(b"\r\n", 1)[0].split(b" ")))
+                    writer.write(await self._answer_request(head.split(b"\r\n", 1)[0].split(b" ")))
                     await writer.drain()
         except (OSError, TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
             log.debug("metrics request aborted")
@@ -278,18 +286,20 @@ class MetricsServer:
             self._clients -= 1
             writer.close()
 
-    async def _answer(self, request: list[bytes]) -> bytes:
+    async def _answer_request(self, request: list[bytes]) -> bytes:
         match request:
             case [b"GET", b"/metrics", _]:
                 await self._program.refresh()
-                return _response("200 OK", b"".join(each.text() for each in self._expositions))
+                return _make_response(
+                    "200 OK", b"".join(exposition.text() for exposition in self._expositions)
+                )
             case [b"GET", _, _]:
-                return _response("404 Not Found", b"Not found; see /metrics.\n")
+                return _make_response("404 Not Found", b"Not found; see /metrics.\n")
             case _:
-                return _response("405 Method Not Allowed", b"Only GET is answered.\n")
+                return _make_response("405 Method Not Allowed", b"Only GET is answered.\n")
 
 
-def _response(status: str, body: bytes) -> bytes:
+def _make_response(status: str, body: bytes) -> bytes:
     head = (
         f"HTTP/1.1 {status}\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\n"
         f"Content-Length: {len(body)}\r\nConnection: close\r\n\r\n"

@@ -150,7 +150,7 @@ class PluginTrials:
         action = self.make_action()
         check = self._declaration.check or (lambda _: None)
         for tried in (action.model_copy(update={"action_parameters": ()}), action):
-            answer = _call("check", partial(check, tried))
+            answer = _call_plugin("check", partial(check, tried))
             problem = f"check returned {answer!r}"
             require(
                 isinstance(answer, str | None), problem, "return None, or a sentence that says what is wrong"
@@ -160,7 +160,7 @@ class PluginTrials:
 
     async def check_end(self) -> None:
         """Check that an action reports its start, and its end once, unless it runs until its edge ends."""
-        async with self._start() as trial:
+        async with self._start_action() as trial:
             if self._declaration.open_ended:
                 return
             ended = await _wait_until(lambda: trial.end, self._seconds)
@@ -178,7 +178,7 @@ class PluginTrials:
         """Check that an action pauses, stays paused, and continues."""
         if not self._declaration.pause_allowed:
             return
-        async with self._start() as trial:
+        async with self._start_action() as trial:
             if await trial.answers("pause", ActionStatus.PAUSED):
                 await asyncio.sleep(SETTLE)
                 problem = f"it reported {trial.statuses[-1]} while paused"
@@ -189,17 +189,17 @@ class PluginTrials:
         """Check that a cancelled action ends with a reason, also while paused, and is silent afterwards."""
         if not self._declaration.cancel_allowed:
             return
-        async with self._start() as trial:
+        async with self._start_action() as trial:
             await trial.cancel()
             await trial.check_silence()
         if self._declaration.pause_allowed:
-            async with self._start() as trial:
+            async with self._start_action() as trial:
                 await trial.answers("pause", ActionStatus.PAUSED)
                 await trial.cancel()
 
     async def check_two(self) -> None:
         """Check that two actions at a time report for themselves."""
-        async with self._start() as first, self._start() as second:
+        async with self._start_action() as first, self._start_action() as second:
             for trial in (first, second):
                 trial.call("cancel")
             await _wait_until(lambda: first.end and second.end, self._timeouts.obey)
@@ -209,7 +209,11 @@ class PluginTrials:
     def make_action(self) -> Action:
         """Create an action with a new ID."""
         declaration = self._declaration
-        samples = {each.key: sample_value(each) for each in declaration.parameters if each.required}
+        samples = {
+            parameter.key: sample_value(parameter)
+            for parameter in declaration.parameters
+            if parameter.required
+        }
         instant = declaration.scopes == (ActionScope.INSTANT,)
         return Action(
             action_type=declaration.action_type,
@@ -222,7 +226,7 @@ class PluginTrials:
         )
 
     @asynccontextmanager
-    async def _start(self) -> AsyncIterator[_Trial]:
+    async def _start_action(self) -> AsyncIterator[_Trial]:
         """Start an action; cancel it afterwards if it still runs, as the agent does when it exits."""
         loads = (Load(load_id="check"),) if self._declaration.load is LoadChange.GIVE else ()
         trial = _Trial(self._plugin, self.make_action(), loads, self._timeouts)
@@ -245,14 +249,14 @@ class _Trial:
         self._action_id = action.action_id
         self._timeouts = timeouts
         self.reports: list[Any] = []
-        self._running: Any = _call("start", lambda: plugin.start(action, loads, self.reports.append))
+        self._running: Any = _call_plugin("start", lambda: plugin.start(action, loads, self.reports.append))
         missing = [name for name in METHODS if not callable(getattr(self._running, name, None))]
         problem = f"start returned {self._running!r}, which has no {', '.join(missing)}"
         require(not missing, problem, "return an object with pause, resume and cancel")
 
     def call(self, method: str) -> None:
         """Call pause, resume or cancel."""
-        _call(method, getattr(self._running, method))
+        _call_plugin(method, getattr(self._running, method))
 
     @property
     def statuses(self) -> list[ActionStatus]:
@@ -328,7 +332,7 @@ async def _wait_until(condition: Callable[[], object], seconds: float) -> bool:
     return True
 
 
-def _call(name: str, step: Callable[[], Any]) -> Any:  # noqa: ANN401 - any object that the plug-in returns
+def _call_plugin(name: str, step: Callable[[], Any]) -> Any:  # noqa: ANN401 - any object that the plug-in returns
     """Call ``step`` of the plug-in.
 
     Raises:
@@ -394,29 +398,29 @@ class Watchdog:
         self._rounds = 0
         self._stop = threading.Event()
         self.blocked = ""
-        self._beat()
-        threading.Thread(target=self._watch, name="watchdog", daemon=True).start()
+        self._count_rounds()
+        threading.Thread(target=self._watch_loop, name="watchdog", daemon=True).start()
 
     def stop(self) -> None:
         """Stop watching."""
         self._stop.set()
 
-    def _beat(self) -> None:
+    def _count_rounds(self) -> None:
         self._rounds += 1
         if not self._stop.is_set():
-            self._loop.call_later(SAMPLE_INTERVAL / 2, self._beat)
+            self._loop.call_later(SAMPLE_INTERVAL / 2, self._count_rounds)
 
-    def _watch(self) -> None:
+    def _watch_loop(self) -> None:
         rounds, samples = 0, 0
         while not self._stop.wait(SAMPLE_INTERVAL) and not self.blocked:
             frame = sys._current_frames().get(self._thread)  # noqa: SLF001 - the documented way to inspect another thread
             idle = frame is None or frame.f_code.co_name in WAITING
             samples, rounds = (samples + 1 if self._rounds == rounds and not idle else 0), self._rounds
             if samples == BLOCKED_SAMPLES:
-                self.blocked = _place(traceback.extract_stack(frame))
+                self.blocked = _place_of(traceback.extract_stack(frame))
 
 
-def _place(stack: Sequence[traceback.FrameSummary]) -> str:
+def _place_of(stack: Sequence[traceback.FrameSummary]) -> str:
     """Return the innermost line outside the event loop and the standard library."""
     library = str(Path(threading.__file__).parent)
     own = [

@@ -176,7 +176,9 @@ def effective_operations(found: Installed, settings: EdgeAgentSettings) -> tuple
     """Return the robot's operations; installed plug-ins replace default ones of the same action type."""
     if "operations" in settings.model_fields_set:
         return settings.operations
-    return tuple(each for each in settings.operations if each.action_type not in found.action_types)
+    return tuple(
+        operation for operation in settings.operations if operation.action_type not in found.action_types
+    )
 
 
 def make_registry(
@@ -206,9 +208,9 @@ def make_registry(
     if settings.driver == "nav2" and settings.map_transforms:
         plugins.append(MapTransforms(settings.map_transforms))
     if settings.driver == "loopback":
-        plugins = [ChargingWatch(each, control.set_charging) for each in plugins]
+        plugins = [ChargingWatch(plugin, control.set_charging) for plugin in plugins]
         found = replace(
-            found, plugins=tuple(ChargingWatch(each, control.set_charging) for each in found.plugins)
+            found, plugins=tuple(ChargingWatch(plugin, control.set_charging) for plugin in found.plugins)
         )
         if settings.loopback.rehearsal:
             plugins.extend(simulated_actions())

@@ -46,12 +46,12 @@ def _supported_version(version: str) -> str:
         raise ValueError(str(error)) from None
 
 
-def _transform(text: str) -> str:
+def _check_transform(text: str) -> str:
     parse_transform(text)
     return text
 
 
-TransformText = Annotated[str, AfterValidator(_transform)]
+TransformText = Annotated[str, AfterValidator(_check_transform)]
 SupportedVersion = Annotated[str, AfterValidator(_supported_version)]
 OptionalField = Annotated[str, AfterValidator(_optional_field)]
 TopicLevel = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_topic_level)]

@@ -230,13 +230,15 @@ class Refusal(ProblemType):
     )
 
 
-TYPES: Final[Mapping[str, ProblemType]] = {each.uri: each for each in (*MalformedRequest, *Refusal)}
+TYPES: Final[Mapping[str, ProblemType]] = {request.uri: request for request in (*MalformedRequest, *Refusal)}
 """All types of problems by URI. Other problems have the type ``about:blank``: their status says all."""
 
 
 def by_status(refusals: Iterable[Refusal]) -> dict[HTTPStatus, str]:
     """Return the descriptions of refusals by HTTP status."""
     found: dict[HTTPStatus, str] = {}
-    for each in sorted(refusals, key=lambda each: each.status):
-        found[each.status] = f"{found[each.status]} {each.meaning}" if each.status in found else each.meaning
+    for refusal in sorted(refusals, key=lambda each: each.status):
+        found[refusal.status] = (
+            f"{found[refusal.status]} {refusal.meaning}" if refusal.status in found else refusal.meaning
+        )
     return found

@@ -307,7 +307,7 @@ class TransportOrderStatus(Resource):
     @property
     def gave_way(self) -> bool:
         """Whether it was dropped for another order, as drives to parking places are, and nothing failed."""
-        codes = [each.code for each in self.coded_reason.causes] if self.coded_reason else []
+        codes = [cause.code for cause in self.coded_reason.causes] if self.coded_reason else []
         return ReasonCode.GIVES_WAY in codes and GAVE_WAY.issuperset(codes)
 
 

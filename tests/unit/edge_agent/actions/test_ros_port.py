@@ -84,7 +84,7 @@ async def test_a_goal_without_feedback_is_cancelled(
         )
     )
     monkeypatch.setattr(ros_port, "installed", lambda _find, _name: (None, kind))
-    monkeypatch.setattr(ros_port, "_message", lambda *_: None)
+    monkeypatch.setattr(ros_port, "_make_message", lambda *_: None)
     monkeypatch.setattr(ros_port, "RESULT_WAIT", 0.0)
     names = {"action_msgs.srv": ["CancelGoal"], "action_msgs.msg": ["GoalStatusArray"]}
     names["nena_edge_agent.nav2.messages"] = ["status_entries"]

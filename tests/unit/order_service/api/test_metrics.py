@@ -13,7 +13,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from nena_order_service.api import metrics
-from nena_order_service.api.metrics import SECTIONS, _answers
+from nena_order_service.api.metrics import SECTIONS, _count_answers
 from nena_order_service.api.rest import role_needed, rule_of
 from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
 from nena_order_service.extension import installed
@@ -179,4 +179,4 @@ def test_rate_limited_requests_are_counted_from_zero() -> None:
     """The first of a series that is born with it would be no increase for Prometheus."""
     limited, door = Counter({429: 2, 200: 5}), SimpleNamespace(answers=Counter[int]())
     service: Any = SimpleNamespace(answers=limited, mqtt_api=door)
-    assert _answers(service) == {("rest", "429"): 2, ("rest", "200"): 5, ("mqtt", "429"): 0}
+    assert _count_answers(service) == {("rest", "429"): 2, ("rest", "200"): 5, ("mqtt", "429"): 0}

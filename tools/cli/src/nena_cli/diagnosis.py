@@ -32,7 +32,7 @@ SHOWN: Final = 5
 """Vehicles and orders that need a person and are listed; the others are counted."""
 DEEPEST: Final = 20
 """Dependencies followed from one order to the next."""
-OPEN: Final = tuple(each for each in TransportOrderState if not each.final)
+OPEN: Final = tuple(state for state in TransportOrderState if not state.final)
 """States of unfinished orders."""
 UNDONE: Final = (TransportOrderState.FAILED, TransportOrderState.UNROUTABLE)
 NEWEST: Final = 1000

@@ -115,11 +115,11 @@ def _place_changes(now: State, before: State | None) -> Iterator[str]:
 
 
 def _action_changes(now: State, before: State | None) -> Iterator[str]:
-    old = {each.action_id: each.action_status for each in _all_actions(before)}
-    for each in _all_actions(now):
-        if old.get(each.action_id) is not each.action_status:
-            result = f": {each.action_result}" if each.action_result else ""
-            yield f"{each.action_type or 'action'} '{each.action_id}' {each.action_status}{result}"
+    old = {action.action_id: action.action_status for action in _all_actions(before)}
+    for action in _all_actions(now):
+        if old.get(action.action_id) is not action.action_status:
+            result = f": {action.action_result}" if action.action_result else ""
+            yield f"{action.action_type or 'action'} '{action.action_id}' {action.action_status}{result}"
     gone = set(old) - {each.action_id for each in _all_actions(now)}
     if gone:
         yield "no longer listed: " + _join_names(sorted(gone))

@@ -136,7 +136,10 @@ class Report:
             ("lead time p50, s", lambda one: "-" if one.lead_p50 is None else one.lead_p50),
             ("lead time p95, s", lambda one: "-" if one.lead_p95 is None else one.lead_p95),
             ("utilisation", lambda one: f"{one.utilisation:.0%}"),
-            *((f"  {each.value}", lambda one, each=each: f"{one.doing[each.value]:.0%}") for each in Doing),
+            *(
+                (f"  {doing.value}", lambda one, doing=doing: f"{one.doing[doing.value]:.0%}")
+                for doing in Doing
+            ),
             ("driven, km", lambda one: one.driven_km),
             ("driven empty", lambda one: f"{one.empty_share:.0%}"),
         ]

@@ -71,7 +71,7 @@ class TimedOperation:
         self._settings = settings
         self.declaration = ActionDeclaration(
             settings.action_type,
-            parameters=tuple(each.declared for each in settings.parameters),
+            parameters=tuple(parameter.declared for parameter in settings.parameters),
             scopes=settings.scopes,
             blocking_types=settings.blocking_types,
             pause_allowed=settings.interruptible,
@@ -140,14 +140,14 @@ class ZoneSetDownload:
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Start the download; the core accepts the content, or fails the action."""
-        return BackgroundAction(action.action_id, partial(self._work, action), report)
+        return BackgroundAction(action.action_id, partial(self._download_zone_set, action), report)
 
-    async def _work(self, action: Action) -> ActionReport:
+    async def _download_zone_set(self, action: Action) -> ActionReport:
         digest = action.parameter(ZONE_SET_HASH)
         link = str(action.parameter(ZONE_SET_LINK))
         try:
             content = await download(link, None if digest is None else str(digest), self._settings)
-            zone_set = self._read(content)
+            zone_set = self._read_zone_set(content)
         except (DownloadError, MalformedMessageError, ValueError) as error:
             raise WorkFailedError(str(error)) from error
         if zone_set.zone_set_id != action.parameter("zoneSetId"):
@@ -155,14 +155,14 @@ class ZoneSetDownload:
             raise WorkFailedError(message)
         return ActionReport(action.action_id, ActionStatus.FINISHED, zone_set=zone_set)
 
-    def _read(self, content: bytes) -> ZoneSet:
+    def _read_zone_set(self, content: bytes) -> ZoneSet:
         """Read ``content`` as a zone set message; a header is ignored.
 
         Raises:
             ValueError: ``content`` is not JSON.
             MalformedMessageError: ``content`` is not a zone set.
         """
-        found = _parsed(content)
+        found = _parse_json(content)
         inner = found.get(ENVELOPE, found) if isinstance(found, dict) else found
         header = {
             "headerId": 0,
@@ -175,7 +175,7 @@ class ZoneSetDownload:
         return self._codec.decode(ZoneSetTransfer, message).zone_set
 
 
-def _parsed(content: bytes) -> Any:  # noqa: ANN401 - any JSON value
+def _parse_json(content: bytes) -> Any:  # noqa: ANN401 - any JSON value
     """Read JSON in any of its encodings.
 
     Raises:

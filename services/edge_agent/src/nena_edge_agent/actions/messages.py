@@ -30,7 +30,7 @@ def template_problems(template: JsonValue, names: Collection[str], path: str) ->
     """Yield each problem of a template with its path; ``names`` are the known values."""
     match template:
         case str():
-            yield from (f"{path}: {each}" for each in _text_problems(template, names))
+            yield from (f"{path}: {problem}" for problem in _text_problems(template, names))
         case dict():
             for key, value in template.items():
                 yield from template_problems(value, names, f"{path}.{key}")
@@ -44,13 +44,15 @@ def filled(template: JsonValue, values: Mapping[str, JsonValue]) -> JsonValue:
     match template:
         case str():
             name = whole(template)
-            return values.get(name) if name else _PART.sub(lambda found: _written(found, values), template)
+            return (
+                values.get(name) if name else _PART.sub(lambda found: _insert_value(found, values), template)
+            )
         case dict():
             parts = {key: filled(value, values) for key, value in template.items()}
             return {key: value for key, value in parts.items() if value is not None}
         case list():
             items = (filled(each, values) for each in template)
-            return [each for each in items if each is not None]
+            return [item for item in items if item is not None]
         case _:
             return template
 
@@ -65,7 +67,7 @@ def _text_problems(text: str, names: Collection[str]) -> Iterator[str]:
             yield f"unknown parameter '{name}'; known: {', '.join(sorted(names))}"
 
 
-def _written(found: re.Match[str], values: Mapping[str, JsonValue]) -> str:
+def _insert_value(found: re.Match[str], values: Mapping[str, JsonValue]) -> str:
     name = found.group("name")
     if not name:
         return found.group()[0]
@@ -175,27 +177,27 @@ def conformed(value: JsonValue, shape: Shape, path: str) -> Any:  # noqa: ANN401
     """
     match shape:
         case Scalar():
-            return _scalar(value, shape, path)
+            return _read_scalar(value, shape, path)
         case ArrayShape():
-            return _listing(value, shape, path)
+            return _read_listing(value, shape, path)
         case Record():
-            return _record(value, shape, path)
+            return _read_record(value, shape, path)
 
 
 def message(values: Mapping[str, Any], record: Record) -> Any:  # noqa: ANN401 - rclpy carries no types
     """Build a message from the result of :func:`conformed`."""
     made = record.make()
     for name, value in values.items():
-        setattr(made, name, _sent(value, record.fields[name]))
+        setattr(made, name, _message_value(value, record.fields[name]))
     return made
 
 
-def _sent(value: Any, shape: Shape) -> Any:  # noqa: ANN401
+def _message_value(value: Any, shape: Shape) -> Any:  # noqa: ANN401
     match shape:
         case Record():
             return message(value, shape)
         case ArrayShape():
-            return [_sent(each, shape.item) for each in value]
+            return [_message_value(each, shape.item) for each in value]
         case Scalar(octet=True):
             return bytes((value,))
         case _:
@@ -207,7 +209,7 @@ def _field_problems(
 ) -> Iterator[str]:
     shape = record.fields.get(key)
     if shape is None:
-        yield f"{path}.{key}: {record.type_name} has no such field, only {_listed(record)}"
+        yield f"{path}.{key}: {record.type_name} has no such field, only {_list_fields(record)}"
     else:
         yield from problems(value, shape, types, f"{path}.{key}")
 
@@ -221,7 +223,7 @@ def _item_problems(
         yield from problems(value, listing.item, types, f"{path}.{number}")
 
 
-def _scalar(value: JsonValue, scalar: Scalar, path: str) -> Any:  # noqa: ANN401
+def _read_scalar(value: JsonValue, scalar: Scalar, path: str) -> Any:  # noqa: ANN401
     match scalar.kind, value:
         case ScalarKind.BOOLEAN, bool():
             return value
@@ -233,34 +235,34 @@ def _scalar(value: JsonValue, scalar: Scalar, path: str) -> Any:  # noqa: ANN401
             return float(value)
         case ScalarKind.TEXT, str() if scalar.longest is None or len(value) <= scalar.longest:
             return value
-    text = f"{path}: {value!r} is not {scalar.kind.value}{_limits(scalar)}"
+    text = f"{path}: {value!r} is not {scalar.kind.value}{_limits_text(scalar)}"
     raise FieldError(text)
 
 
-def _limits(scalar: Scalar) -> str:
+def _limits_text(scalar: Scalar) -> str:
     if scalar.kind is ScalarKind.INTEGER:
         return f" from {scalar.low} to {scalar.high}"
     return "" if scalar.longest is None else f" of {scalar.longest} characters at most"
 
 
-def _listing(value: JsonValue, listing: ArrayShape, path: str) -> list[Any]:
+def _read_listing(value: JsonValue, listing: ArrayShape, path: str) -> list[Any]:
     if not isinstance(value, list) or not listing.holds(len(value)):
         text = f"{path}: {value!r} is not {listing.words}"
         raise FieldError(text)
     return [conformed(each, listing.item, f"{path}.{number}") for number, each in enumerate(value)]
 
 
-def _record(value: JsonValue, record: Record, path: str) -> dict[str, Any]:
+def _read_record(value: JsonValue, record: Record, path: str) -> dict[str, Any]:
     if not isinstance(value, dict):
-        text = f"{path}: {value!r} is not a table of the fields {_listed(record)}"
+        text = f"{path}: {value!r} is not a table of the fields {_list_fields(record)}"
         raise FieldError(text)
     if unknown := next((key for key in value if key not in record.fields), None):
-        text = f"{path}.{unknown}: {record.type_name} has no such field, only {_listed(record)}"
+        text = f"{path}.{unknown}: {record.type_name} has no such field, only {_list_fields(record)}"
         raise FieldError(text)
     return {key: conformed(each, record.fields[key], f"{path}.{key}") for key, each in value.items()}
 
 
-def _listed(record: Record) -> str:
+def _list_fields(record: Record) -> str:
     return ", ".join(record.fields) or "none"
 
 
@@ -291,7 +293,7 @@ def message_type(name: str) -> Record:
         UnknownTypeError: it is not installed, or not the name of a message type.
 
     """
-    return _record_of(_load(name, "msg"), name)
+    return _record_of(_load_type(name, "msg"), name)
 
 
 @lru_cache(maxsize=200)
@@ -302,7 +304,7 @@ def service_type(name: str) -> tuple[Record, Record]:
         UnknownTypeError: it is not installed, or not the name of a service type.
 
     """
-    kind = _load(name, "srv")
+    kind = _load_type(name, "srv")
     return _record_of(kind.Request, f"{name} request"), _record_of(kind.Response, f"{name} response")
 
 
@@ -313,7 +315,7 @@ def action_type(name: str) -> tuple[Record, Any]:
         UnknownTypeError: it is not installed, or not the name of a type.
 
     """
-    kind = _load(name, "action")
+    kind = _load_type(name, "action")
     return _record_of(kind.Goal, name), kind
 
 
@@ -324,25 +326,29 @@ def class_of(name: str) -> Any:  # noqa: ANN401 - rclpy carries no types
         UnknownTypeError: it is not installed, or not the name of a type.
 
     """
-    return _load(name, "srv" if "/srv/" in name else "msg")
+    return _load_type(name, "srv" if "/srv/" in name else "msg")
 
 
 def read(message: Any) -> dict[str, Any]:  # noqa: ANN401
     """Return the fields of a received message as plain data."""
-    return {name: _plain(getattr(message, name)) for name in message.get_fields_and_field_types()}
+    return {name: _plain_value(getattr(message, name)) for name in message.get_fields_and_field_types()}
 
 
-def _plain(value: Any) -> Any:  # noqa: ANN401
+def _plain_value(value: Any) -> Any:  # noqa: ANN401
     if hasattr(value, "get_fields_and_field_types"):
         return read(value)
     if isinstance(value, bytes):
         return value[0] if len(value) == 1 else list(value)
     if isinstance(value, str | bool | int | float):
         return value
-    return [_plain(each) for each in value.tolist()] if hasattr(value, "tolist") else [*map(_plain, value)]
+    return (
+        [_plain_value(each) for each in value.tolist()]
+        if hasattr(value, "tolist")
+        else [*map(_plain_value, value)]
+    )
 
 
-def _load(name: str, kind: str) -> Any:  # noqa: ANN401
+def _load_type(name: str, kind: str) -> Any:  # noqa: ANN401
     found = _NAME.fullmatch(name)
     if found is None or found.group(2) != kind:
         example = EXAMPLES[kind]
@@ -358,30 +364,30 @@ def _load(name: str, kind: str) -> Any:  # noqa: ANN401
 
 def _record_of(kind: Any, name: str) -> Record:  # noqa: ANN401
     fields: Mapping[str, str] = kind.get_fields_and_field_types()
-    shapes = {field: _shape(each) for field, each in fields.items() if field != PADDING}
+    shapes = {field: _shape_of(each) for field, each in fields.items() if field != PADDING}
     return Record(name, shapes, kind)
 
 
-def _shape(name: str) -> Shape:
+def _shape_of(name: str) -> Shape:
     if found := _SEQUENCE.fullmatch(name):
         most = found.group("most")
-        return ArrayShape(_shape(found.group("item")), most=int(most) if most else None)
+        return ArrayShape(_shape_of(found.group("item")), most=int(most) if most else None)
     if found := _ARRAY.fullmatch(name):
-        return ArrayShape(_shape(found.group("item")), exactly=int(found.group("exactly")))
-    scalar = _SCALARS.get(name) or _text(name)
+        return ArrayShape(_shape_of(found.group("item")), exactly=int(found.group("exactly")))
+    scalar = _SCALARS.get(name) or _text_shape(name)
     if scalar:
         return scalar
     package, _, kind = name.partition("/")
     return message_type(f"{package}/msg/{kind}")
 
 
-def _text(name: str) -> Scalar | None:
+def _text_shape(name: str) -> Scalar | None:
     found = _TEXT.fullmatch(name)
     longest = found.group("longest") if found else None
     return Scalar(ScalarKind.TEXT, longest=int(longest) if longest else None) if found else None
 
 
-def _integer(bits: int, *, signed: bool) -> Scalar:
+def _integer_shape(bits: int, *, signed: bool) -> Scalar:
     if signed:
         return Scalar(ScalarKind.INTEGER, low=-(2 ** (bits - 1)), high=2 ** (bits - 1) - 1)
     return Scalar(ScalarKind.INTEGER, low=0, high=2**bits - 1)
@@ -390,10 +396,10 @@ def _integer(bits: int, *, signed: bool) -> Scalar:
 _SCALARS: Final[Mapping[str, Scalar]] = {
     "boolean": Scalar(ScalarKind.BOOLEAN),
     "octet": Scalar(ScalarKind.INTEGER, low=0, high=255, octet=True),
-    "char": _integer(8, signed=False),
+    "char": _integer_shape(8, signed=False),
     **{name: Scalar(ScalarKind.NUMBER) for name in ("float", "double", "long double")},
-    **{f"int{bits}": _integer(bits, signed=True) for bits in (8, 16, 32, 64)},
-    **{f"uint{bits}": _integer(bits, signed=False) for bits in (8, 16, 32, 64)},
+    **{f"int{bits}": _integer_shape(bits, signed=True) for bits in (8, 16, 32, 64)},
+    **{f"uint{bits}": _integer_shape(bits, signed=False) for bits in (8, 16, 32, 64)},
 }
 
 

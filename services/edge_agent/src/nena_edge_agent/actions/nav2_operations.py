@@ -47,7 +47,7 @@ def declaration_of(settings: Nav2OperationSettings) -> ActionDeclaration:
     return ActionDeclaration(
         settings.action_type,
         scopes=settings.scopes,
-        parameters=(*(each.declared for each in settings.parameters), *_parameters(settings)),
+        parameters=(*(parameter.declared for parameter in settings.parameters), *_make_parameters(settings)),
         blocking_types=settings.blocking_types,
         cancel_allowed=True,
         load=settings.load_change,
@@ -56,7 +56,7 @@ def declaration_of(settings: Nav2OperationSettings) -> ActionDeclaration:
     )
 
 
-def _parameters(settings: Nav2OperationSettings) -> tuple[Parameter, ...]:
+def _make_parameters(settings: Nav2OperationSettings) -> tuple[Parameter, ...]:
     number, most = ValueDataType.NUMBER, settings.maximum
     match settings.behavior:
         case Behaviour.DOCK:
@@ -81,15 +81,15 @@ class Nav2Operation:
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Send the goal; if the action is cancelled, the server's goal is cancelled first."""
-        return BackgroundAction(action.action_id, partial(self._work, action), report)
+        return BackgroundAction(action.action_id, partial(self._run_goal, action), report)
 
-    async def _work(self, action: Action) -> ActionReport:
+    async def _run_goal(self, action: Action) -> ActionReport:
         try:
-            result = await self._client.run(_goal(self._settings, action))
+            result = await self._client.run(_goal_fields(self._settings, action))
         except ActionFailedError as error:
             code, text = error.result.get("error_code", 0), error.result.get("error_msg", "")
             meaning = None if error.cancelled else meaning_of(int(code), str(text))
-            raise WorkFailedError(f"{error}: {_words(*meaning)}" if meaning else str(error)) from error
+            raise WorkFailedError(f"{error}: {_with_hint(*meaning)}" if meaning else str(error)) from error
         except RosError as error:
             raise WorkFailedError(str(error)) from error
         if result.get("success") is False:
@@ -98,7 +98,7 @@ class Nav2Operation:
         return ActionReport(action.action_id, ActionStatus.FINISHED, charging=self._settings.charging)
 
 
-def _goal(settings: Nav2OperationSettings, action: Action) -> dict[str, JsonValue]:
+def _goal_fields(settings: Nav2OperationSettings, action: Action) -> dict[str, JsonValue]:
     """Return the fields of the goal."""
     seconds = int(settings.time_limit)
     match settings.behavior:
@@ -113,20 +113,20 @@ def _goal(settings: Nav2OperationSettings, action: Action) -> dict[str, JsonValu
         case Behaviour.UNDOCK:
             return {"dock_type": settings.dock_type, "max_undocking_time": settings.time_limit}
         case Behaviour.SPIN:
-            return {"target_yaw": _number(action, ANGLE), "time_allowance": {"sec": seconds}}
+            return {"target_yaw": _number_of(action, ANGLE), "time_allowance": {"sec": seconds}}
         case _:
             away = -1.0 if settings.behavior is Behaviour.BACK_UP else 1.0
             return {
-                "target": {"x": away * _number(action, DISTANCE)},
+                "target": {"x": away * _number_of(action, DISTANCE)},
                 "speed": away * settings.speed,
                 "time_allowance": {"sec": seconds},
             }
 
 
-def _number(action: Action, key: str) -> float:
+def _number_of(action: Action, key: str) -> float:
     value = action.parameter(key)
     return float(value) if isinstance(value, int | float) else math.nan
 
 
-def _words(reason: str, hint: str) -> str:
+def _with_hint(reason: str, hint: str) -> str:
     return f"{reason}; {hint}" if hint else reason

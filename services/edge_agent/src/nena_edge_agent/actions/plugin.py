@@ -272,8 +272,8 @@ class BackgroundAction:
         self._action_id = action_id
         self._report = report
         report(ActionReport(action_id, ActionStatus.RUNNING))
-        self._task = asyncio.create_task(self._run(work), name=f"action {action_id}")
-        self._task.add_done_callback(self._over)
+        self._task = asyncio.create_task(self._run_work(work), name=f"action {action_id}")
+        self._task.add_done_callback(self._work_ended)
 
     @property
     def ended(self) -> bool:
@@ -290,23 +290,23 @@ class BackgroundAction:
         """Cancel the work, which may clean up before it ends."""
         self._task.cancel()
 
-    async def _run(self, work: Work) -> None:
+    async def _run_work(self, work: Work) -> None:
         try:
             self._report(await work())
         except WorkFailedError as error:
             if error.report:
                 self._report(error.report)
             else:
-                self._fail(str(error))
+                self._report_failure(str(error))
         except Exception as error:
             log.exception("an action failed", action=self._action_id)
-            self._fail(f"the plug-in failed: {error}")
+            self._report_failure(f"the plug-in failed: {error}")
 
-    def _over(self, task: asyncio.Task[None]) -> None:
+    def _work_ended(self, task: asyncio.Task[None]) -> None:
         if task.cancelled():
-            self._fail("cancelled")
+            self._report_failure("cancelled")
 
-    def _fail(self, reason: str) -> None:
+    def _report_failure(self, reason: str) -> None:
         self._report(ActionReport(self._action_id, ActionStatus.FAILED, reason))
 
 
@@ -323,14 +323,14 @@ class Countdown:
 
     def start(self) -> None:
         """Start the countdown."""
-        self._timer = asyncio.get_running_loop().call_later(self._left, self._over)
+        self._timer = asyncio.get_running_loop().call_later(self._left, self._work_ended)
         self._report(ActionReport(self._action_id, ActionStatus.RUNNING))
 
     def pause(self) -> None:
         """Stop the countdown; report PAUSED."""
         if self._timer is not None:
             self._left = max(0.0, self._timer.when() - asyncio.get_running_loop().time())
-            self._stop()
+            self._stop_timer()
             self._report(ActionReport(self._action_id, ActionStatus.PAUSED))
 
     def resume(self) -> None:
@@ -342,14 +342,14 @@ class Countdown:
         """End the countdown early; report FAILED."""
         if not self._ended:
             self._ended = True
-            self._stop()
+            self._stop_timer()
             self._report(ActionReport(self._action_id, ActionStatus.FAILED, "cancelled"))
 
-    def _over(self) -> None:
+    def _work_ended(self) -> None:
         self._ended, self._timer = True, None
         self._done()
 
-    def _stop(self) -> None:
+    def _stop_timer(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None

@@ -115,7 +115,7 @@ class OperationMaker:
         )
         if self.context.ros is None:
             return self._without_ros(declaration, charging=operation.charging)
-        steps = self._steps(parts, values, self.context.ros)
+        steps = self._make_steps(parts, values, self.context.ros)
         checked = replace(declaration, check=lambda action: steps.problem(values.of(action)))
         return RosOperation(checked, steps, values, charging=operation.charging)
 
@@ -124,7 +124,7 @@ class OperationMaker:
             return SimulatedOperation(declaration, self.settings.rehearsal_seconds, charging=charging)
         return Unavailable(declaration)
 
-    def _steps(self, parts: RosParts, values: ActionValues, ros: RosPort) -> Steps:
+    def _make_steps(self, parts: RosParts, values: ActionValues, ros: RosPort) -> Steps:
         command: Command | None = None
         call: Call | None = None
         answer: Answer | None = None

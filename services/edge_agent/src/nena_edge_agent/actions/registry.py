@@ -39,7 +39,7 @@ class Installed:
     @property
     def action_types(self) -> frozenset[str]:
         """Return the action types of the plug-ins."""
-        return frozenset(each.declaration.action_type for each in self.plugins)
+        return frozenset(plugin.declaration.action_type for plugin in self.plugins)
 
 
 NOTHING = Installed()
@@ -52,7 +52,7 @@ def installed_plugins(context: PluginContext, settings: ActionSettings) -> Insta
         ConfigurationError: a plug-in named in the settings is not installed.
 
     """
-    names = _wanted(settings)
+    names = _wanted_plugins(settings)
     plugins: list[ActionPlugin] = []
     problems: list[str] = []
     for name in names:
@@ -70,7 +70,7 @@ def make(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
     Raises:
         PluginBrokenError: the plug-in cannot be loaded, fails, does not work here, or provides no actions.
     """
-    factory = _load(name)
+    factory = _load_factory(name)
     try:
         made = factory(context)
         found = tuple(made) if isinstance(made, Iterable) else (made,)
@@ -79,7 +79,7 @@ def make(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
         raise PluginBrokenError(message) from error
     except Exception as error:
         log.exception("an action plug-in failed to start", plugin=name)
-        message = f"plug-in '{name}' failed to start: {_words(error)}"
+        message = f"plug-in '{name}' failed to start: {_describe_error(error)}"
         raise PluginBrokenError(message) from error
     for plugin in found:
         if not _is_plugin(plugin):
@@ -99,7 +99,7 @@ def installed_names() -> tuple[str, ...]:
     return tuple(_entry_points())
 
 
-def _wanted(settings: ActionSettings) -> Iterator[str]:
+def _wanted_plugins(settings: ActionSettings) -> Iterator[str]:
     if settings.plugins == () and not settings.options:
         return  # without enabled plug-ins, the installed packages need not be searched
     available = _entry_points()
@@ -112,12 +112,12 @@ def _wanted(settings: ActionSettings) -> Iterator[str]:
     yield from wanted
 
 
-def _load(name: str) -> PluginFactory:
+def _load_factory(name: str) -> PluginFactory:
     try:
         factory: Any = _entry_points()[name].load()
     except Exception as error:
         log.exception("an action plug-in cannot be loaded", plugin=name)
-        message = f"plug-in '{name}' cannot be loaded: {_words(error)}"
+        message = f"plug-in '{name}' cannot be loaded: {_describe_error(error)}"
         raise PluginBrokenError(message) from error
     if not callable(factory):
         message = f"plug-in '{name}' names {factory!r}, which does not create plug-ins"
@@ -128,10 +128,10 @@ def _load(name: str) -> PluginFactory:
 @lru_cache(maxsize=1)
 def _entry_points() -> dict[str, EntryPoint]:
     """Return the installed entry points; cached, because every robot of a fleet needs them."""
-    return {each.name: each for each in sorted(entry_points(group=GROUP), key=lambda each: each.name)}
+    return {point.name: point for point in sorted(entry_points(group=GROUP), key=lambda each: each.name)}
 
 
-def _words(error: Exception) -> str:
+def _describe_error(error: Exception) -> str:
     return f"{type(error).__name__}: {error}"
 
 
@@ -147,7 +147,7 @@ class ActionRegistry:
         self._plugins: dict[str, ActionPlugin] = {}
         self.problems = installed.problems
         for plugin in plugins:
-            self._add(plugin)
+            self._add_plugin(plugin)
         for plugin in installed.plugins:
             self._add_if_free(plugin)
 
@@ -165,14 +165,14 @@ class ActionRegistry:
 
     def _add_if_free(self, plugin: ActionPlugin) -> None:
         try:
-            self._add(plugin)
+            self._add_plugin(plugin)
         except ConfigurationError:
             name = plugin.declaration.action_type
             text = f"ignoring the plug-in action '{name}': the agent or its operations define it"
             log.warning("ignoring an action of a plug-in", reason=text)
             self.problems = (*self.problems, text)
 
-    def _add(self, plugin: ActionPlugin) -> None:
+    def _add_plugin(self, plugin: ActionPlugin) -> None:
         action_type = plugin.declaration.action_type
         if action_type in PREDEFINED:
             raise ConfigurationError([f"operations: '{action_type}' is built in; remove it"])

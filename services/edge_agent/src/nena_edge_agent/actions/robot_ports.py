@@ -60,9 +60,9 @@ class ActionDrive:
                     "" if succeeded else description or "the localisation rejected it"
                 )
             case Arrived(generation) if generation == self._generation:
-                self._end("")
+                self._end_drive("")
             case DriveFailed(generation, failure, description) if generation == self._generation:
-                self._end(f"{description} ({failure})")
+                self._end_drive(f"{description} ({failure})")
 
     @property
     def pose(self) -> Pose | None:
@@ -93,12 +93,12 @@ class ActionDrive:
             self._driver.go_to(goal)
             problem = await self._result
         except asyncio.CancelledError:
-            await self._halt(self._driver.halt)
+            await self._begin_halt(self._driver.halt)
             raise
         finally:
             self._result = None
         if problem:
-            await self._halt(self._driver.halt)
+            await self._begin_halt(self._driver.halt)
             raise DriveError(problem)
 
     async def initialize_position(self, pose: Pose) -> None:
@@ -119,12 +119,12 @@ class ActionDrive:
         if problem:
             raise DriveError(problem)
 
-    async def _halt(self, halt: Callable[[], None]) -> None:
+    async def _begin_halt(self, halt: Callable[[], None]) -> None:
         self._standstill.clear()
         halt()
         await set_within(self._standstill, HALT_TIMEOUT)
 
-    def _end(self, problem: str) -> None:
+    def _end_drive(self, problem: str) -> None:
         if self._result is not None and not self._result.done():
             self._result.set_result(problem)
 

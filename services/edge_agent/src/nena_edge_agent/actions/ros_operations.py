@@ -65,24 +65,24 @@ class ActionValues:
 
     def __init__(self, settings: OperationBase) -> None:
         """Use the configured parameters, and those of the load if one is picked up."""
-        own = {each.key for each in settings.parameters}
+        own = {parameter.key for parameter in settings.parameters}
         more = LOAD_PARAMETERS if settings.load_change is LoadChange.TAKE else ()
         self._parameters = (*settings.parameters, *(each for each in more if each.key not in own))
 
     @property
     def declared(self) -> tuple[Parameter, ...]:
         """Return the parameters as declared to the core."""
-        return tuple(each.declared for each in self._parameters)
+        return tuple(parameter.declared for parameter in self._parameters)
 
     @property
     def names(self) -> frozenset[str]:
         """Return the names of all values."""
-        return frozenset({ACTION_ID, *(each.key for each in self._parameters)})
+        return frozenset({ACTION_ID, *(parameter.key for parameter in self._parameters)})
 
     @property
     def types(self) -> Mapping[str, ValueDataType]:
         """Return the types of the parameters that are put into messages unchanged."""
-        plain = {each.key: each.type for each in self._parameters if not each.values}
+        plain = {parameter.key: parameter.type for parameter in self._parameters if not parameter.values}
         return {**plain, ACTION_ID: ValueDataType.STRING}
 
     @property
@@ -93,9 +93,9 @@ class ActionValues:
     def of(self, action: Action) -> dict[str, JsonValue]:
         """Return the values of ``action``."""
         values: dict[str, JsonValue] = {ACTION_ID: action.action_id}
-        for each in self._parameters:
-            value = action.parameter(each.key)
-            values[each.key] = each.values.get(str(value), value)
+        for parameter in self._parameters:
+            value = action.parameter(parameter.key)
+            values[parameter.key] = parameter.values.get(str(value), value)
         return values
 
 
@@ -123,7 +123,7 @@ class MessageTemplate:
         self._any_of = any_of
         found = list(template_problems(fields, values.names, path))
         if not found:
-            known = list(_alternatives(fields, shape)) if any_of else [fields]
+            known = list(_alternatives_in(fields, shape)) if any_of else [fields]
             found += [line for each in known for line in problems(each, shape, values.types, path)]
             found += [line for each in known for line in self._mapped_problems(each, shape, values)]
         if found:
@@ -139,7 +139,7 @@ class MessageTemplate:
         fields = filled(self._fields, values)
         if not isinstance(fields, dict):
             raise FieldError(self._path)
-        for each in _alternatives(fields, self._shape) if self._any_of else [fields]:
+        for each in _alternatives_in(fields, self._shape) if self._any_of else [fields]:
             conformed(each, self._shape, self._path)
         return fields
 
@@ -148,15 +148,17 @@ class MessageTemplate:
             yield from problems(filled(fields, {name: value}), shape, {}, self._path)
 
 
-def _alternatives(fields: JsonValue, shape: Shape) -> Iterator[JsonValue]:
+def _alternatives_in(fields: JsonValue, shape: Shape) -> Iterator[JsonValue]:
     """Yield each value separately within its tables; of an array of alternatives, yield each item."""
     if isinstance(fields, dict) and isinstance(shape, Record):
         for key, value in fields.items():
             inner = shape.fields.get(key)
-            yield from ({key: each} for each in ((value,) if inner is None else _alternatives(value, inner)))
+            yield from (
+                {key: each} for each in ((value,) if inner is None else _alternatives_in(value, inner))
+            )
     elif isinstance(fields, list) and not isinstance(shape, ArrayShape):
         for value in fields:
-            yield from _alternatives(value, shape)
+            yield from _alternatives_in(value, shape)
     else:
         yield fields
 
@@ -183,7 +185,7 @@ class Answer:
         self._settings = settings
         self._match = MessageTemplate(settings.match, shape, values, f"{path}.match", any_of=True)
         self._failed = template(settings.failed, "failed")
-        self._progress = template(settings.progress, "progress")
+        self._report_progress = template(settings.progress, "progress")
         self._waiting: dict[int, Callable[[Fields], None]] = {}
         self._last: Fields | None = None
         port.subscribe(settings.topic, settings.type, self._on_message, qos=settings.qos)
@@ -200,7 +202,7 @@ class Answer:
             FieldError: a value does not fit its field.
 
         """
-        for each in (self._match, self._failed, self._progress):
+        for each in (self._match, self._failed, self._report_progress):
             if each:
                 each.filled(values)
 
@@ -212,12 +214,12 @@ class Answer:
         answered: asyncio.Future[str | None] = asyncio.get_running_loop().create_future()
         match = self._match.filled(values)
         failed = self._failed.filled(values) if self._failed else None
-        in_progress = self._progress.filled(values) if self._progress else None
+        in_progress = self._report_progress.filled(values) if self._report_progress else None
 
         def look(message: Fields) -> None:
             if answered.done():
                 return
-            text = self._result(message)
+            text = self._result_text(message)
             if failed is not None and matches(message, failed):
                 reason = text or f"{self._settings.topic} reported failure"
                 answered.set_exception(WorkFailedError(reason))
@@ -232,7 +234,7 @@ class Answer:
             look(self._last)
         return answered
 
-    def _result(self, message: Fields) -> str | None:
+    def _result_text(self, message: Fields) -> str | None:
         value = value_at(message, self._settings.result) if self._settings.result else None
         return None if value in (None, "") else str(value)
 
@@ -271,7 +273,9 @@ class Call:
         self._client = client
         self._request = MessageTemplate(settings.fields, request, values, f"{path}.fields")
         self._expected = MessageTemplate(expected, response, values, f"{path}.expect", any_of=True)
-        self._result = settings.result if settings.result is not None else MESSAGE if MESSAGE in has else ""
+        self._result_text = (
+            settings.result if settings.result is not None else MESSAGE if MESSAGE in has else ""
+        )
 
     def check(self, values: Mapping[str, JsonValue]) -> None:
         """Check whether the request can be built.
@@ -294,7 +298,7 @@ class Call:
         response = await self._client.call(
             self._request.filled(values), seconds=self._settings.response_timeout
         )
-        result = value_at(response, self._result) if self._result else None
+        result = value_at(response, self._result_text) if self._result_text else None
         text = None if result in (None, "") else str(result)
         if not matches(response, self._expected.filled(values)):
             message = text or f"{self._settings.service} reported failure"
@@ -371,17 +375,17 @@ class Command:
 
     def pause(self, values: Mapping[str, JsonValue]) -> None:
         """Publish the pause message, if configured; raises as :meth:`begin`."""
-        self._send(self._pause, values)
+        self._publish_template(self._pause, values)
 
     def resume(self, values: Mapping[str, JsonValue]) -> None:
         """Publish the resume message, if configured; raises as :meth:`begin`."""
-        self._send(self._resume, values)
+        self._publish_template(self._resume, values)
 
     def cancel(self, values: Mapping[str, JsonValue]) -> None:
         """Publish the cancel message, if configured; raises as :meth:`begin`."""
-        self._send(self._cancel, values)
+        self._publish_template(self._cancel, values)
 
-    def _send(self, template: MessageTemplate | None, values: Mapping[str, JsonValue]) -> None:
+    def _publish_template(self, template: MessageTemplate | None, values: Mapping[str, JsonValue]) -> None:
         if template is not None:
             self._publisher.publish(template.filled(values))
 
@@ -445,7 +449,7 @@ class _Running(BackgroundAction):
         self._commanded = False
         self._resumed = asyncio.Event()
         self._resumed.set()
-        super().__init__(action_id, self._work, report)
+        super().__init__(action_id, self._run_operation, report)
 
     def pause(self) -> None:
         """Send the command's pause message; a command that was not sent yet waits for the resume."""
@@ -463,26 +467,26 @@ class _Running(BackgroundAction):
                 self._steps.command.resume(self._values)
             self._report(ActionReport(self._action_id, ActionStatus.RUNNING))
 
-    async def _work(self) -> ActionReport:
+    async def _run_operation(self) -> ActionReport:
         try:
             if self._steps.command:
                 await self._steps.command.wait_for_subscriber()
-            result = await self._do()
+            result = await self._run_steps()
         except (RosError, FieldError) as error:
             raise WorkFailedError(str(error)) from error
         return ActionReport(self._action_id, ActionStatus.FINISHED, result, charging=self._charging)
 
-    async def _do(self) -> str | None:
+    async def _run_steps(self) -> str | None:
         """Run the steps; listen for the answer from before the first step, so that none is missed."""
         steps, result = self._steps, None
-        answered = steps.answer.expect(self._values, self._progress) if steps.answer else None
+        answered = steps.answer.expect(self._values, self._report_progress) if steps.answer else None
         try:
             if steps.command:
-                await self._command(steps.command)
+                await self._send_command(steps.command)
             if steps.call:
                 result = await steps.call.do(self._values)
             if steps.answer and answered:
-                self._progress(steps.answer.words)
+                self._report_progress(steps.answer.words)
                 result = await answered
             if steps.lasting:
                 await asyncio.get_running_loop().create_future()
@@ -494,12 +498,12 @@ class _Running(BackgroundAction):
                 answered.cancel()
         return result
 
-    async def _command(self, command: Command) -> None:
+    async def _send_command(self, command: Command) -> None:
         await self._resumed.wait()
         command.begin(self._values)
         self._commanded = True
 
-    def _progress(self, text: str) -> None:
+    def _report_progress(self, text: str) -> None:
         if self._resumed.is_set():
             self._report(ActionReport(self._action_id, ActionStatus.RUNNING, text))
 

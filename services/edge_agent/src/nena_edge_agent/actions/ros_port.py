@@ -116,7 +116,7 @@ class PluginRos:
             RosError: no such type here.
 
         """
-        return self._add(_Publisher(self, topic, type_name))
+        return self._add_endpoint(_Publisher(self, topic, type_name))
 
     def subscribe(
         self,
@@ -136,7 +136,7 @@ class PluginRos:
         """
         key = (topic, type_name, qos)
         if key not in self._subscriptions:
-            self._subscriptions[key] = self._add(_Subscription(topic, type_name, qos))
+            self._subscriptions[key] = self._add_endpoint(_Subscription(topic, type_name, qos))
         self._subscriptions[key].join(handle)
 
     def client(self, service: str, type_name: str) -> ServiceClient:
@@ -146,7 +146,7 @@ class PluginRos:
             RosError: no such type here.
 
         """
-        return self._add(_Client(self, service, type_name))
+        return self._add_endpoint(_Client(self, service, type_name))
 
     def action(self, name: str, type_name: str) -> RosActionClient:
         """Return a client of the action ``name``.
@@ -154,9 +154,9 @@ class PluginRos:
         Raises:
             RosError: the type is not installed here.
         """
-        return self._add(_Action(self, name, type_name))
+        return self._add_endpoint(_Action(self, name, type_name))
 
-    def _add(self, endpoint: E) -> E:
+    def _add_endpoint(self, endpoint: E) -> E:
         with self._lock:
             self._endpoints.append(endpoint)
             if self._session is not None and self._session.state in THERE:
@@ -185,7 +185,7 @@ class _Publisher:
         return int(self._publisher.get_subscription_count())
 
     def publish(self, fields: Mapping[str, JsonValue]) -> None:
-        made = _message(fields, self._shape, self._topic)
+        made = _make_message(fields, self._shape, self._topic)
         self._port.session()
         self._publisher.publish(made)
 
@@ -202,7 +202,7 @@ class _Subscription:
         """Add a subscriber; on a latched topic it also receives the last message."""
         self._handlers.append(handle)
         if self._last is not None and self._qos is TopicQos.LATCHED:
-            self._deliver(handle, self._last)
+            self._deliver_fields(handle, self._last)
 
     def open(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
         from nena_edge_agent.nav2.session import LATCHED, RELIABLE, SENSOR  # noqa: PLC0415 - needs rclpy
@@ -225,9 +225,9 @@ class _Subscription:
     def _on_message(self, fields: Fields) -> None:
         self._last = fields
         for handle in self._handlers:
-            self._deliver(handle, fields)
+            self._deliver_fields(handle, fields)
 
-    def _deliver(self, handle: Callable[[Fields], None], fields: Fields) -> None:
+    def _deliver_fields(self, handle: Callable[[Fields], None], fields: Fields) -> None:
         try:
             handle(fields)
         except Exception:
@@ -246,9 +246,9 @@ class _Client:
         self._client = node.create_client(self._kind, self._service)
 
     async def call(self, fields: Mapping[str, JsonValue], *, seconds: float) -> Fields:
-        request = _message(fields, self._request, self._service)
+        request = _make_message(fields, self._request, self._service)
         session = self._port.session()
-        await _found(self._client, f"the service {self._service}", min(FOUND_WITHIN, seconds))
+        await _wait_for_server(self._client, f"the service {self._service}", min(FOUND_WITHIN, seconds))
         response = await session.call(self._client, request, seconds=seconds)
         if response is None:
             text = f"the service {self._service} did not answer within {seconds:g} s"
@@ -292,10 +292,10 @@ class _Action:
         self._cancel = node.create_client(CancelGoal, f"{hidden}/cancel_goal")
 
     async def run(self, fields: Mapping[str, JsonValue]) -> Fields:
-        goal = _message(fields, self._goal, self._name)
+        goal = _make_message(fields, self._goal, self._name)
         session = self._port.session()
         for client in (self._send, self._results, self._cancel):
-            await _found(client, f"the action {self._name}", FOUND_WITHIN)
+            await _wait_for_server(client, f"the action {self._name}", FOUND_WITHIN)
         request = self._kind.Impl.SendGoalService.Request(goal=goal)
         request.goal_id.uuid = list(uuid4().bytes)
         key = bytes(request.goal_id.uuid).hex()
@@ -305,21 +305,21 @@ class _Action:
             if answer is None or not answer.accepted:
                 text = "refuses the goal" if answer is not None else "does not answer"
                 if answer is None:  # it may accept the goal later, when this action has failed
-                    await self._cancelled(session, request.goal_id)
+                    await self._cancel_goal(session, request.goal_id)
                 message = f"the action {self._name} {text}: is its server active?"
                 raise RosError(message)
-            return await self._result(session, request.goal_id)
+            return await self._await_result(session, request.goal_id)
         except asyncio.CancelledError:
-            await self._cancelled(session, request.goal_id)
+            await self._cancel_goal(session, request.goal_id)
             raise
         finally:
             del self._statuses[key]
 
-    async def _result(self, session: RosSession, goal_id: Any) -> Fields:  # noqa: ANN401
+    async def _await_result(self, session: RosSession, goal_id: Any) -> Fields:  # noqa: ANN401
         try:
-            status, answer = await self._end(session, goal_id, LONGEST_GOAL)
+            status, answer = await self._await_end(session, goal_id, LONGEST_GOAL)
         except RosError:
-            await self._cancelled(session, goal_id)
+            await self._cancel_goal(session, goal_id)
             raise
         result, missing = {} if answer is None else read(answer.result), ""
         if answer is None:
@@ -337,7 +337,7 @@ class _Action:
         cancelled = status is GoalStatus.CANCELED
         raise ActionFailedError(f"{message}; {missing}" if missing else message, result, cancelled=cancelled)
 
-    async def _end(self, session: RosSession, goal_id: Any, seconds: float) -> tuple[GoalStatus, Any]:  # noqa: ANN401
+    async def _await_end(self, session: RosSession, goal_id: Any, seconds: float) -> tuple[GoalStatus, Any]:  # noqa: ANN401
         """Wait for the end of a goal; return its status, and the answer with its result or None.
 
         DDS drops an answer silently if its type is defined differently here and there, and a server that
@@ -347,13 +347,13 @@ class _Action:
             RosError: the end is unknown.
 
         """
-        key, servers = bytes(goal_id.uuid).hex(), self._servers()
+        key, servers = bytes(goal_id.uuid).hex(), self._server_endpoints()
         asked = self._kind.Impl.GetResultService.Request(goal_id=goal_id)
         call = asyncio.ensure_future(session.call(self._results, asked, seconds=seconds))
         try:
             while not call.done() and not self._statuses[key].terminal:
                 await asyncio.wait((call,), timeout=GLANCE)
-                seen = self._servers()
+                seen = self._server_endpoints()
                 servers = servers or seen
                 if seen - servers or (servers and not seen):
                     message = f"the server of {self._name} has ended or was restarted during the goal"
@@ -371,19 +371,19 @@ class _Action:
         message = f"{self._name} has sent no result, and its status array does not show the end of the goal"
         raise RosError(message)
 
-    async def _cancelled(self, session: RosSession, goal_id: Any) -> None:  # noqa: ANN401
+    async def _cancel_goal(self, session: RosSession, goal_id: Any) -> None:  # noqa: ANN401
         request = self._cancel.srv_type.Request()
         request.goal_info.goal_id = goal_id
         if await session.call(self._cancel, request, seconds=ANSWERS_WITHIN) is None:
             log.warning("a goal was not cancelled: the action server does not answer", action=self._name)
             return
         try:
-            await self._end(session, goal_id, ANSWERS_WITHIN - RESULT_WAIT)
+            await self._await_end(session, goal_id, ANSWERS_WITHIN - RESULT_WAIT)
         except RosError as error:
             text = "a goal was cancelled; its end was not confirmed"
             log.warning(text, action=self._name, reason=str(error))
 
-    def _servers(self) -> frozenset[str]:
+    def _server_endpoints(self) -> frozenset[str]:
         """Return the endpoint IDs of the status array's publishers.
 
         Raises:
@@ -394,11 +394,11 @@ class _Action:
         return endpoints(self._node.get_publishers_info_by_topic(status_of(self._name)))
 
     def _on_statuses(self, entries: list[GoalEntry]) -> None:
-        awaited = (each for each in entries if each.goal_id in self._statuses)
+        awaited = (entry for entry in entries if entry.goal_id in self._statuses)
         self._statuses.update({each.goal_id: each.status for each in awaited})
 
 
-async def _found(client: Any, what: str, seconds: float) -> None:  # noqa: ANN401
+async def _wait_for_server(client: Any, what: str, seconds: float) -> None:  # noqa: ANN401
     for _ in range(int(seconds / LOOK_EVERY)):
         if client.service_is_ready():
             return
@@ -420,7 +420,7 @@ def installed(find: Callable[[str], T], name: str) -> T:
         raise RosError(str(error)) from error
 
 
-def _message(fields: Mapping[str, JsonValue], shape: Record, path: str) -> Any:  # noqa: ANN401
+def _make_message(fields: Mapping[str, JsonValue], shape: Record, path: str) -> Any:  # noqa: ANN401
     try:
         return message(conformed(dict(fields), shape, path), shape)
     except FieldError as error:

@@ -77,9 +77,9 @@ class SessionAction:
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Start the change; the action ends when the session has the requested state, or fails."""
-        return BackgroundAction(action.action_id, partial(self._work, action), report)
+        return BackgroundAction(action.action_id, partial(self._switch_session, action), report)
 
-    async def _work(self, action: Action) -> ActionReport:
+    async def _switch_session(self, action: Action) -> ActionReport:
         manager = self.switch.manager
         try:
             await self.work(self.switch, action)
@@ -111,20 +111,20 @@ def session_actions(switch: SessionSwitch) -> tuple[ActionPlugin, ...]:
         needs_idle=True,
         description="Moves the robot to another namespace or domain; refused while an order is active.",
     )
-    works = ((start, _start), (stop, _stop), (configure, _configure))
+    works = ((start, _start_session), (stop, _stop_session), (configure, _configure_session))
     return tuple(SessionAction(declaration, work, switch) for declaration, work in works)
 
 
-async def _start(switch: SessionSwitch, _: Action) -> None:
+async def _start_session(switch: SessionSwitch, _: Action) -> None:
     await switch.manager.start()
 
 
-async def _stop(switch: SessionSwitch, _: Action) -> None:
+async def _stop_session(switch: SessionSwitch, _: Action) -> None:
     await switch.manager.stop()
 
 
-async def _configure(switch: SessionSwitch, action: Action) -> None:
-    address, keep = _wanted(switch.manager.address, action), action.parameter(KEEP.key) is True
+async def _configure_session(switch: SessionSwitch, action: Action) -> None:
+    address, keep = _wanted_address(switch.manager.address, action), action.parameter(KEEP.key) is True
     if keep and switch.store is None:
         message = "the address cannot be kept: journal.enabled is false"
         raise WorkFailedError(message)
@@ -138,7 +138,7 @@ async def _configure(switch: SessionSwitch, action: Action) -> None:
         await switch.manager.move(address)
 
 
-def _wanted(address: RosAddress, action: Action) -> RosAddress:
+def _wanted_address(address: RosAddress, action: Action) -> RosAddress:
     """Return the address that the action requests; missing parts stay unchanged."""
     namespace, domain_id = action.parameter(NAMESPACE.key), action.parameter(DOMAIN_ID.key)
     if namespace is None and domain_id is None:

@@ -34,17 +34,17 @@ def _all_of(kind: type) -> Callable[[Any], bool]:
     return lambda value: isinstance(value, tuple) and all(isinstance(each, kind) for each in value)
 
 
-def _one(kind: type) -> Callable[[Any], bool]:
+def _is_one(kind: type) -> Callable[[Any], bool]:
     return lambda value: isinstance(value, kind)
 
 
 _FIELD_CHECKS: Final[Mapping[str, tuple[Callable[[Any], bool], str]]] = {
-    "result": (_one(str), "a text"),
+    "result": (_is_one(str), "a text"),
     "loads": (_all_of(Load), "a tuple of Load"),
-    "charging": (_one(bool), "True or False"),
+    "charging": (_is_one(bool), "True or False"),
     "maps": (_all_of(Map), "a tuple of Map"),
-    "zone_set": (_one(ZoneSet), "a ZoneSet"),
-    "error": (_one(ErrorEntry), "an ErrorEntry"),
+    "zone_set": (_is_one(ZoneSet), "a ZoneSet"),
+    "error": (_is_one(ErrorEntry), "an ErrorEntry"),
 }
 """Check of each optional field, and the name of its type."""
 
@@ -52,7 +52,7 @@ _FIELD_CHECKS: Final[Mapping[str, tuple[Callable[[Any], bool], str]]] = {
 def report_problem(report: object, action_id: str) -> str | None:
     """Return what is wrong with a report of the action ``action_id``; continues "the plug-in reported"."""
     if not isinstance(report, ActionReport):
-        return f"{_named(report)}, which is not an ActionReport"
+        return f"{_short_repr(report)}, which is not an ActionReport"
     if report.action_id != action_id:
         return f"on another action: {report.action_id!r}"
     if report.status not in REPORTED:
@@ -60,11 +60,11 @@ def report_problem(report: object, action_id: str) -> str | None:
     for name, (sound, what) in _FIELD_CHECKS.items():
         value = getattr(report, name)
         if value is not None and not sound(value):
-            return f"{name} {_named(value)}, which is not {what}"
+            return f"{name} {_short_repr(value)}, which is not {what}"
     return None
 
 
-def _named(value: object) -> str:
+def _short_repr(value: object) -> str:
     return repr(value)[:100]
 
 
@@ -95,7 +95,7 @@ class Run:
         self._log = log.bind(action=action.action_id, action_type=action.action_type)
         self._running: RunningAction | None = None
         self._status = ActionStatus.INITIALIZING
-        self._progress = _Progress(self._loop, self._send)
+        self._progress = _Progress(self._loop, self._send_report)
         self._last_result = ""
         self._answer: asyncio.TimerHandle | None = None
         self._limit = _Stopwatch(self._loop, plugin.declaration.timeout, self._over_time)
@@ -104,21 +104,23 @@ class Run:
     def start(self, loads: tuple[Load, ...]) -> None:
         """Start the action."""
         text = f"the plug-in did not report its start within {self._timeouts.begin:g} s"
-        self._expect(self._timeouts.begin, lambda: self._fail(text))
-        self._isolated(lambda: self._begin(loads))
+        self._expect_report(self._timeouts.begin, lambda: self._fail(text))
+        self._isolate_errors(lambda: self._begin_action(loads))
 
     def pause(self) -> None:
         """Pause the action; if the plug-in does not, the action continues and its result says so."""
         if self._running is None:
             return
         text = f"the plug-in did not pause within {self._timeouts.obey:g} s"
-        self._expect(self._timeouts.obey, lambda: self._send(self._report_of(self._status, text)))
-        self._isolated(self._running.pause)
+        self._expect_report(
+            self._timeouts.obey, lambda: self._send_report(self._report_of(self._status, text))
+        )
+        self._isolate_errors(self._running.pause)
 
     def resume(self) -> None:
         """Resume the action."""
         if self._running is not None:
-            self._isolated(self._running.resume)
+            self._isolate_errors(self._running.resume)
 
     def cancel(self) -> None:
         """Cancel the action; if the plug-in does not in time, the action fails anyway."""
@@ -126,26 +128,26 @@ class Run:
             self._fail("cancelled")
             return
         text = f"the plug-in did not cancel within {self._timeouts.obey:g} s; check the robot"
-        self._expect(self._timeouts.obey, lambda: self._fail(text))
-        self._isolated(self._running.cancel)
+        self._expect_report(self._timeouts.obey, lambda: self._fail(text))
+        self._isolate_errors(self._running.cancel)
 
     def abandon(self) -> None:
         """Cancel the action without a report."""
         if not self.ended:
-            self._end()
+            self._end_action()
             self._cancel_quietly()
 
     def take(self, report: ActionReport) -> None:
         """Handle a report of the plug-in, from any thread."""
         if threading.get_ident() == self._thread:
-            self._take(report)
+            self._accept_report(report)
             return
         try:
-            self._loop.call_soon_threadsafe(self._take, report)
+            self._loop.call_soon_threadsafe(self._accept_report, report)
         except RuntimeError:
             self._log.debug("the event loop ended before the plug-in")
 
-    def _begin(self, loads: tuple[Load, ...]) -> None:
+    def _begin_action(self, loads: tuple[Load, ...]) -> None:
         running = self._plugin.start(self._action, loads, self.take)
         if self.ended:
             return
@@ -157,21 +159,21 @@ class Run:
             self._running = None
             self._fail(f"start of the plug-in returned an object without {', '.join(missing)}")
 
-    def _take(self, report: ActionReport) -> None:
+    def _accept_report(self, report: ActionReport) -> None:
         if self.ended:
             self._log.warning("ignored a report after the end of an action", report=repr(report))
         elif flaw := report_problem(report, self._action.action_id):
             self._fail(f"the plug-in reported {flaw}")
         elif report.status is ActionStatus.FAILED:
-            self._end()
-            self._send(replace(report, result=report.result or "the plug-in reported no reason"))
+            self._end_action()
+            self._send_report(replace(report, result=report.result or "the plug-in reported no reason"))
         elif report.status.ended:
-            self._end()
-            self._send(report)
+            self._end_action()
+            self._send_report(report)
         else:
-            self._continue(report)
+            self._continue_action(report)
 
-    def _continue(self, report: ActionReport) -> None:
+    def _continue_action(self, report: ActionReport) -> None:
         before, self._status = self._status, report.status
         self._last_result = report.result or self._last_result
         if report.status is before is ActionStatus.RUNNING:
@@ -181,7 +183,7 @@ class Run:
         if before is ActionStatus.INITIALIZING or report.status is ActionStatus.PAUSED:
             self._stop_waiting()
         self._limit.run(on=report.status is ActionStatus.RUNNING)
-        self._send(report)
+        self._send_report(report)
 
     def _over_time(self) -> None:
         last = f"; last progress: {self._last_result}" if self._last_result else ""
@@ -189,8 +191,8 @@ class Run:
 
     def _fail(self, reason: str) -> None:
         if not self.ended:
-            self._end()
-            self._send(self._report_of(ActionStatus.FAILED, reason))
+            self._end_action()
+            self._send_report(self._report_of(ActionStatus.FAILED, reason))
             self._cancel_quietly()
 
     def _report_of(self, status: ActionStatus, text: str) -> ActionReport:
@@ -206,25 +208,25 @@ class Run:
             except Exception:
                 log.exception("an action plug-in failed to cancel", action=self._action.action_id)
 
-    def _end(self) -> None:
+    def _end_action(self) -> None:
         self.ended = True
         self._stop_waiting()
         self._progress.drop()
         self._limit.run(on=False)
 
-    def _send(self, report: ActionReport) -> None:
+    def _send_report(self, report: ActionReport) -> None:
         if report.result is not None and len(report.result) > MAXIMUM_RESULT:
             report = replace(report, result=report.result[:MAXIMUM_RESULT])
         self._on_report(report)
 
-    def _isolated(self, step: Callable[[], None]) -> None:
+    def _isolate_errors(self, step: Callable[[], None]) -> None:
         try:
             step()
         except Exception as error:
             log.exception("an action plug-in failed", action=self._action.action_id)
             self._fail(f"the plug-in failed: {str(error) or type(error).__name__}")
 
-    def _expect(self, seconds: float, otherwise: Callable[[], None]) -> None:
+    def _expect_report(self, seconds: float, otherwise: Callable[[], None]) -> None:
         self._stop_waiting()
         self._answer = self._loop.call_later(seconds, otherwise)
 
@@ -239,7 +241,7 @@ class _Progress:
 
     def __init__(self, loop: asyncio.AbstractEventLoop, send: Report) -> None:
         self._loop = loop
-        self._send = send
+        self._send_report = send
         self._sent_at = -inf
         self._timer: asyncio.TimerHandle | None = None
 
@@ -261,7 +263,7 @@ class _Progress:
     def _send_now(self, report: ActionReport) -> None:
         self.drop()
         self._sent_at = self._loop.time()
-        self._send(report)
+        self._send_report(report)
 
 
 class _Stopwatch:

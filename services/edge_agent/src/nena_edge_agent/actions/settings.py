@@ -225,14 +225,14 @@ class Nav2OperationSettings(OperationBase):
         return self.timeout or TIMEOUTS[self.behavior]
 
     @model_validator(mode="after")
-    def _stands(self) -> Self:
+    def _check_scope(self) -> Self:
         if self.scopes != (ActionScope.NODE,) or BlockingType.NONE in self.blocking_types:
             message = "an action that drives needs the scope NODE and the blocking type SOFT or HARD"
             raise ValueError(message)
         return self
 
 
-def _kind(table: Any) -> str:  # noqa: ANN401 - any value in the file
+def _kind_of(table: Any) -> str:  # noqa: ANN401 - any value in the file
     return str(table.get("kind", "time") if isinstance(table, dict) else getattr(table, "kind", "time"))
 
 
@@ -246,7 +246,7 @@ def operation_type(kinds: Mapping[str, type[OperationBase]]) -> Any:  # noqa: AN
         **kinds,
     }
     tagged = tuple(Annotated[settings, Tag(kind)] for kind, settings in known.items())
-    return Annotated[Union[tagged], Discriminator(_kind)]  # noqa: UP007 - they are known at run time only
+    return Annotated[Union[tagged], Discriminator(_kind_of)]  # noqa: UP007 - they are known at run time only
 
 
 class LoadSensorSettings(SettingsGroup):

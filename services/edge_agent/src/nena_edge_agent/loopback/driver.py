@@ -22,7 +22,7 @@ class SimulatedBattery:
     def __init__(self, settings: LoopbackSettings) -> None:
         self._drain = settings.drain / METRES_OF_DRAIN
         self._rate = settings.charge_rate
-        self._charge = settings.charge
+        self._charge_level = settings.charge
         self._charged_at: float | None = None
 
     @property
@@ -33,13 +33,13 @@ class SimulatedBattery:
     def level(self, now: float) -> float:
         """Return the state of charge at the time ``now``."""
         if self._charged_at is not None:
-            self._charge = min(FULL, self._charge + (now - self._charged_at) * self._rate)
+            self._charge_level = min(FULL, self._charge_level + (now - self._charged_at) * self._rate)
             self._charged_at = now
-        return self._charge
+        return self._charge_level
 
     def drive(self, metres: float) -> None:
         """Drain the battery by driving ``metres``."""
-        self._charge = max(0.0, self._charge - self._drain * metres)
+        self._charge_level = max(0.0, self._charge_level - self._drain * metres)
 
     def switch(self, now: float, *, charging: bool) -> None:
         """Start or stop charging."""
@@ -49,7 +49,7 @@ class SimulatedBattery:
     def set_level(self, now: float, charge: float) -> None:
         """Set the state of charge to ``charge`` percent at the time ``now``."""
         self.level(now)
-        self._charge = charge
+        self._charge_level = charge
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,15 +81,15 @@ class Motion:
         elapsed = max(0.0, now - self.begin)
         if elapsed < self._first_turn_time:
             rate = copysign(self.rate, self._first_turn)
-            return self._pose(0.0, self.start.theta + elapsed * rate), 0.0, rate
+            return self._pose_along(0.0, self.start.theta + elapsed * rate), 0.0, rate
         elapsed -= self._first_turn_time
         if elapsed < self._line_time:
-            return self._pose(elapsed * self.speed, self._line_direction), self.speed, 0.0
+            return self._pose_along(elapsed * self.speed, self._line_direction), self.speed, 0.0
         elapsed -= self._line_time
         if elapsed * self.rate < abs(self._last_turn):
             rate = copysign(self.rate, self._last_turn)
-            return self._pose(self.length, self._line_direction + elapsed * rate), 0.0, rate
-        return self._pose(self.length, self._line_direction + self._last_turn), 0.0, 0.0
+            return self._pose_along(self.length, self._line_direction + elapsed * rate), 0.0, rate
+        return self._pose_along(self.length, self._line_direction + self._last_turn), 0.0, 0.0
 
     @property
     def _line_direction(self) -> float:
@@ -113,7 +113,7 @@ class Motion:
     def _last_turn(self) -> float:
         return turn(self._line_direction, self.goal.theta) if self.turn_at_end else 0.0
 
-    def _pose(self, along: float, theta: float) -> port.Pose:
+    def _pose_along(self, along: float, theta: float) -> port.Pose:
         """Return the pose ``along`` metres from the start, exactly on the goal at the end of the line."""
         done = along >= self.length
         x = self.goal.x if done else self.start.x + along * cos(self._line_direction)
@@ -180,7 +180,7 @@ class LoopbackDriver:
         self._settings = settings
         self._emit = emit
         self._clock = clock
-        self._pose = start
+        self._pose_along = start
         self._speed = speed or settings.speed
         self._speed_limit = inf
         self._localized = True
@@ -225,7 +225,7 @@ class LoopbackDriver:
             self.set_charging(charging=False)
         self._goal = goal
         self._motion = Motion(
-            start=self._pose,
+            start=self._pose_along,
             goal=goal.pose,
             begin=self._clock.monotonic(),
             speed=min(self._speed, goal.maximum_speed or inf, self._speed_limit),
@@ -262,7 +262,7 @@ class LoopbackDriver:
     def initialize_position(self, pose: port.Pose) -> None:
         """Move to ``pose`` at once."""
         self._stop_here()
-        self._pose, self._localized = pose, True
+        self._pose_along, self._localized = pose, True
         self._call_soon(self._position_set)
 
     def stop_at_once(self) -> None:
@@ -277,7 +277,7 @@ class LoopbackDriver:
         """Place the robot at another pose (m, rad); a current goal continues from there."""
         goal = self._goal
         self.stop_at_once()
-        self._pose = port.Pose(x, y, theta, map_id or self._pose.map_id)
+        self._pose_along = port.Pose(x, y, theta, map_id or self._pose_along.map_id)
         self._report_pose(0.0, 0.0)
         if goal:
             self.go_to(goal)
@@ -333,8 +333,8 @@ class LoopbackDriver:
 
     def _goal_problem(self, goal: port.DriveGoal) -> str | None:
         """Return why ``goal`` cannot be reached."""
-        if goal.pose.map_id != self._pose.map_id:
-            return f"the robot is on map '{self._pose.map_id}', the goal on '{goal.pose.map_id}'"
+        if goal.pose.map_id != self._pose_along.map_id:
+            return f"the robot is on map '{self._pose_along.map_id}', the goal on '{goal.pose.map_id}'"
         if any(circle.holds(goal.pose.x, goal.pose.y) for circle in self._unreachable):
             return "the goal is unreachable"
         return None
@@ -350,9 +350,9 @@ class LoopbackDriver:
 
     def _move_along(self, motion: Motion | Braking) -> tuple[float, float]:
         """Move the robot along ``motion``; return speed and turning rate."""
-        start = self._pose
-        self._pose, vx, omega = motion.at(self._clock.monotonic())
-        self._battery.drive(dist((start.x, start.y), (self._pose.x, self._pose.y)))
+        start = self._pose_along
+        self._pose_along, vx, omega = motion.at(self._clock.monotonic())
+        self._battery.drive(dist((start.x, start.y), (self._pose_along.x, self._pose_along.y)))
         return vx, omega
 
     def _await_step(self) -> None:
@@ -374,12 +374,12 @@ class LoopbackDriver:
         self._report_pose(vx, omega)
         if over:
             self._emit(port.Arrived(goal.generation) if goal else port.Halted())
-        if self._reported_charge - self._charge >= BATTERY_STEP:
+        if self._reported_charge - self._charge_level >= BATTERY_STEP:
             self._report_battery()
         self._await_step()
 
     def _wait_for_charge(self) -> None:
-        if self._battery.charging and self._charge < FULL:
+        if self._battery.charging and self._charge_level < FULL:
             delay = BATTERY_STEP / self._settings.charge_rate
             self._charge_timer = asyncio.get_running_loop().call_later(delay, self._report_charge)
 
@@ -394,7 +394,7 @@ class LoopbackDriver:
             self._charge_timer = None
 
     @property
-    def _charge(self) -> float:
+    def _charge_level(self) -> float:
         return self._battery.level(self._clock.monotonic())
 
     def _confirm_halt(self) -> None:
@@ -406,10 +406,10 @@ class LoopbackDriver:
         self._emit(port.PositionInitialized(succeeded=True, description=""))
 
     def _report_pose(self, vx: float, omega: float) -> None:
-        self._emit(port.PoseReport(self._pose, localized=self._localized, vx=vx, omega=omega))
+        self._emit(port.PoseReport(self._pose_along, localized=self._localized, vx=vx, omega=omega))
 
     def _report_battery(self) -> None:
-        self._reported_charge = self._charge
+        self._reported_charge = self._charge_level
         self._emit(port.BatteryReport(state_of_charge=self._reported_charge, charging=self._battery.charging))
 
     def _call_soon(self, step: Callable[[], None]) -> None:

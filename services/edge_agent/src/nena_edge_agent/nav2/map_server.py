@@ -92,7 +92,9 @@ class MapServer:
         self._load = node.create_client(interface(LOAD_MAP), f"{names.map_server}/load_map")
         self._parameters = session.late_client(node, GetParameters, f"{names.map_server}/get_parameters")
         kind: Any = interface(CLEAR_COSTMAP)
-        self._clear = [(each, session.late_client(node, kind, each)) for each in names.clear_costmaps]
+        self._clear = [
+            (costmap, session.late_client(node, kind, costmap)) for costmap in names.clear_costmaps
+        ]
         self._clear_request = kind.Request
 
     @property

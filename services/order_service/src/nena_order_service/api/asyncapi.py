@@ -74,15 +74,15 @@ def channels(topics: FleetTopics) -> tuple[Channel, ...]:
     """Return all channels."""
     host = "{host}"
     return (
-        _command("create", topics.creation_request(host), TransportOrderRequest, table.CREATE_ORDER),
+        _command_channel("create", topics.creation_request(host), TransportOrderRequest, table.CREATE_ORDER),
         Channel("createAnswer", topics.creation_answer(host), "send", CreationAnswer, "Answers create."),
-        *_commands(topics),
-        *_statuses(topics),
-        *_devices(topics),
+        *_command_channels(topics),
+        *_status_channels(topics),
+        *_device_channels(topics),
     )
 
 
-def _devices(topics: FleetTopics) -> tuple[Channel, ...]:
+def _device_channels(topics: FleetTopics) -> tuple[Channel, ...]:
     """Return the channels of peripheral devices."""
     location = "{location}"
     return (
@@ -127,7 +127,7 @@ def _devices(topics: FleetTopics) -> tuple[Channel, ...]:
     )
 
 
-def _statuses(topics: FleetTopics) -> tuple[Channel, ...]:
+def _status_channels(topics: FleetTopics) -> tuple[Channel, ...]:
     """Return the channels on which the order service publishes retained statuses."""
     return (
         Channel(
@@ -173,14 +173,16 @@ def _statuses(topics: FleetTopics) -> tuple[Channel, ...]:
     )
 
 
-def _commands(topics: FleetTopics) -> Iterator[Channel]:
+def _command_channels(topics: FleetTopics) -> Iterator[Channel]:
     for name, body in COMMANDS.items():
-        yield _command(name, topics.command("{host}", name), body, table.COMMANDS[name])
+        yield _command_channel(name, topics.command("{host}", name), body, table.COMMANDS[name])
         answer = topics.command_answer("{host}", name)
         yield Channel(f"{name}Answer", answer, "send", CommandAnswer, f"Answers {name}.")
 
 
-def _command(name: str, topic: str, body: type[BaseModel], operation: table.Operation[Any]) -> Channel:
+def _command_channel(
+    name: str, topic: str, body: type[BaseModel], operation: table.Operation[Any]
+) -> Channel:
     return Channel(name, topic, "receive", body, operation.summary, refusals=operation.refusals)
 
 
@@ -195,16 +197,16 @@ def document(topics: FleetTopics) -> dict[str, Any]:
             "description": "Transport orders and vehicles over MQTT 3.1.1, quality of service 1.",
         },
         "defaultContentType": "application/json",
-        "channels": {each.name: _channel(each) for each in described},
-        "operations": {each.name: _operation(each) for each in described},
+        "channels": {each.name: _channel_object(each) for each in described},
+        "operations": {each.name: _operation_object(each) for each in described},
         "components": {
-            "messages": {each.name: _message(each) for each in described},
-            "schemas": _schemas(described),
+            "messages": {each.name: _message_object(each) for each in described},
+            "schemas": _schema_objects(described),
         },
     }
 
 
-def _channel(channel: Channel) -> dict[str, Any]:
+def _channel_object(channel: Channel) -> dict[str, Any]:
     return {
         "address": channel.address,
         "description": channel.summary,
@@ -213,7 +215,7 @@ def _channel(channel: Channel) -> dict[str, Any]:
     }
 
 
-def _operation(channel: Channel) -> dict[str, Any]:
+def _operation_object(channel: Channel) -> dict[str, Any]:
     made: dict[str, Any] = {
         "action": channel.action,
         "channel": {"$ref": f"#/channels/{channel.name}"},
@@ -229,7 +231,7 @@ def _operation(channel: Channel) -> dict[str, Any]:
     return made
 
 
-def _message(channel: Channel) -> dict[str, Any]:
+def _message_object(channel: Channel) -> dict[str, Any]:
     schema: dict[str, Any] = {"type": "object"}
     if channel.body:
         schema = {"$ref": f"#/components/schemas/{channel.body.__name__}"}
@@ -238,17 +240,17 @@ def _message(channel: Channel) -> dict[str, Any]:
     return {"name": channel.name, "contentType": "application/json", "payload": schema}
 
 
-def _schemas(described: tuple[Channel, ...]) -> dict[str, Any]:
+def _schema_objects(described: tuple[Channel, ...]) -> dict[str, Any]:
     modes: dict[type[BaseModel], JsonSchemaMode] = {
         each.body: "validation" if each.action == "receive" else "serialization"
         for each in described
         if each.body
     }
-    return _definitions(tuple(modes.items()))
+    return _schema_definitions(tuple(modes.items()))
 
 
 @cache
-def _definitions(modes: tuple[tuple[type[BaseModel], JsonSchemaMode], ...]) -> dict[str, Any]:
+def _schema_definitions(modes: tuple[tuple[type[BaseModel], JsonSchemaMode], ...]) -> dict[str, Any]:
     """Return the schemas of these models; cached, because each change of the plant model needs them."""
     _, made = models_json_schema(modes, ref_template="#/components/schemas/{model}")
     schemas: dict[str, Any] = made["$defs"]

@@ -141,7 +141,7 @@ class Trail:
         try:
             yield request
         except FORESEEN as error:
-            request.end(AuditResult.REFUSED, _reason(error))
+            request.end(AuditResult.REFUSED, _reason_of(error))
             raise
         except asyncio.CancelledError:
             request.end(AuditResult.FAILED, INTERRUPTED)
@@ -155,7 +155,7 @@ class Trail:
             _CURRENT.reset(token)
 
 
-def _reason(error: Exception) -> str:
+def _reason_of(error: Exception) -> str:
     """Return why a request was refused: the name of the refusal, and its text."""
     if isinstance(error, RefusedError):
         return f"{error.refusal.name}: {error}"
@@ -165,27 +165,27 @@ def _reason(error: Exception) -> str:
 
 def body_of_model(request: BaseModel | None) -> Callable[[], str]:
     """Return a function that serialises a request's fields as sent by its client."""
-    return str if request is None else partial(_serialised, request)
+    return str if request is None else partial(_serialise_request, request)
 
 
-def _serialised(request: BaseModel) -> str:
+def _serialise_request(request: BaseModel) -> str:
     return masked(request.model_dump(mode="json", by_alias=True, exclude_unset=True))
 
 
 def masked(content: Any) -> str:  # noqa: ANN401 - of JSON
     """Return content as JSON, without the values of secrets."""
-    return json.dumps(_masked(content), ensure_ascii=False, separators=(",", ":"))
+    return json.dumps(_mask_secrets(content), ensure_ascii=False, separators=(",", ":"))
 
 
-def _masked(content: Any) -> Any:  # noqa: ANN401 - of JSON
+def _mask_secrets(content: Any) -> Any:  # noqa: ANN401 - of JSON
     if isinstance(content, dict):
         key = content.get("key", content.get("name"))
         named = isinstance(key, str) and SECRET.search(key) is not None
         return {
-            name: MASK if SECRET.search(name) or (named and name == "value") else _masked(value)
+            name: MASK if SECRET.search(name) or (named and name == "value") else _mask_secrets(value)
             for name, value in content.items()
         }
-    return [_masked(each) for each in content] if isinstance(content, list) else content
+    return [_mask_secrets(each) for each in content] if isinstance(content, list) else content
 
 
 def origin_of(http: HTTPConnection, interface: AuditInterface) -> Origin:

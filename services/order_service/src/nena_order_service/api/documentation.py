@@ -66,18 +66,18 @@ def documentation() -> APIRouter:
     @router.get(DOCS, include_in_schema=False)
     async def docs() -> Response:
         """Show the operations, and send requests."""
-        return _page("swagger-ui-bundle.js", _SWAGGER_UI)
+        return _make_page("swagger-ui-bundle.js", _SWAGGER_UI)
 
     @router.get(REDOC, include_in_schema=False)
     async def redoc() -> Response:
         """Show the operations as one page."""
-        return _page("redoc.standalone.js", _REDOC)
+        return _make_page("redoc.standalone.js", _REDOC)
 
     router.include_router(make_problem_router(TYPES, DOCS))
     return router
 
 
-def _page(script: str, show: str) -> Response:
+def _make_page(script: str, show: str) -> Response:
     return HTMLResponse(_PAGE.replace("SCRIPT", script).replace("SHOW", show))
 
 

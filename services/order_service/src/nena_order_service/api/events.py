@@ -143,8 +143,10 @@ class EventStream(EventRing[_Event]):
                     self.overflows += 1
                     frames, known = await self._catch_up(known, interest)
                     return frames
-                new = b"".join(each.frame for each in events if each.is_new(known) and each.is_for(interest))
-                known = max((each.number for each in events if each.is_last), default=known)
+                new = b"".join(
+                    event.frame for event in events if event.is_new(known) and event.is_for(interest)
+                )
+                known = max((event.number for event in events if event.is_last), default=known)
                 return new
 
             with suppress(StoreNotReadyError):  # the client resumes with its last ID
@@ -154,24 +156,24 @@ class EventStream(EventRing[_Event]):
     async def _catch_up(self, known: int | None, interest: Interest) -> tuple[bytes, int]:
         """Return the events that bring a client up to date, and the number of the last change included."""
         if known is None:
-            return self._present(interest)
+            return self._present_objects(interest)
         frames: list[bytes] = []
         count = 0
         while page := await self._engine.store.changes_after(known, PAGE):
             count += len(page)
             if count > self._settings.replay_limit:
-                present, known = self._present(interest)
+                present, known = self._present_objects(interest)
                 return _GAP_FRAME + present, known
             known = page[-1][0]
             frames += [_order_frame(o.status, n) for n, o in page if interest.wants_order(o.status)]
-        return b"".join([*frames, *self._present_only(interest), _synced(known)]), known
+        return b"".join([*frames, *self._present_only(interest), _synced_event(known)]), known
 
-    def _present(self, interest: Interest) -> tuple[bytes, int]:
+    def _present_objects(self, interest: Interest) -> tuple[bytes, int]:
         """Return all unfinished objects, and the number of the last change."""
         published = self._numbers.published
         orders = (o.status for o in self._engine.state.orders.unfinished() if interest.wants_order(o.status))
         frames = (_order_frame(status, 0) for status in orders)
-        return b"".join([*frames, *self._present_only(interest), _synced(published)]), published
+        return b"".join([*frames, *self._present_only(interest), _synced_event(published)]), published
 
     def _present_only(self, interest: Interest) -> Iterator[bytes]:
         """Yield objects without change numbers: unfinished sequences and vehicles."""
@@ -201,6 +203,6 @@ def _vehicle_frame(status: VehicleStatus) -> bytes:
     return b"event: vehicle\ndata: %b\n\n" % status.model_dump_json(by_alias=True).encode()
 
 
-def _synced(number: int) -> bytes:
+def _synced_event(number: int) -> bytes:
     """Return the event that tells a client that it is up to date."""
     return b"id: %d\nevent: synced\ndata: {}\n\n" % number

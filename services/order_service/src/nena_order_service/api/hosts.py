@@ -51,10 +51,10 @@ class HostServices:
         yield from zone_set_handlers(self.zones)
         yield from self.stops.handlers()
         yield from self.peripherals.handlers()
-        yield Handler(table.SUMMARISE, self._summary)
+        yield Handler(table.SUMMARISE, self._summarise_fleet)
         yield Handler(table.SHOW_TRAFFIC_PLAN, self._engine.traffic_plan)
 
-    def _summary(self) -> FleetSummary:
+    def _summarise_fleet(self) -> FleetSummary:
         """Return the numbers of unfinished orders and of vehicles in each state."""
         orders = list(self._engine.state.orders.unfinished())
         oldest = min(orders, key=lambda order: order.number, default=None)

@@ -85,7 +85,7 @@ class Monitored(Running, Protocol):
 LIMITED: Final = str(HTTPStatus.TOO_MANY_REQUESTS.value)
 
 
-def _answers(service: Monitored) -> Mapping[LabelValues, float]:
+def _count_answers(service: Monitored) -> Mapping[LabelValues, float]:
     doors = (("rest", service.answers), ("mqtt", service.mqtt_api.answers))
     # present from the start: for Prometheus, the first value of a series is not an increase
     limited: dict[LabelValues, float] = {(door, LIMITED): 0 for door, _ in doors}
@@ -94,7 +94,7 @@ def _answers(service: Monitored) -> Mapping[LabelValues, float]:
     }
 
 
-def _waits(service: Monitored) -> Mapping[LabelValues, float]:
+def _count_waits(service: Monitored) -> Mapping[LabelValues, float]:
     traffic = service.engine.traffic
     return {
         **{cause.value: count for cause, count in service.engine.state.orders.statistics.waits.items()},
@@ -114,7 +114,7 @@ def _by_value(values: Iterable[str], known: Iterable[str]) -> Mapping[LabelValue
     return {each: counts[each] for each in known}
 
 
-def _listed(values: Iterable[str]) -> str:
+def _list_values(values: Iterable[str]) -> str:
     return ", ".join(f"`{each}`" for each in values) + "."
 
 
@@ -184,7 +184,7 @@ ORDERS: Final[Section[Monitored]] = Section(
             "nena_order_service_waiting",
             "Waiting orders and robots, by cause: orders for a `dependency`, a `vehicle`, a `retry` or the "
             "end of a `hold`; VDA 5050 orders until the `robot` accepts them; robots for `traffic`.",
-            _waits,
+            _count_waits,
             "cause",
         ),
         histogram(
@@ -200,7 +200,7 @@ ORDERS: Final[Section[Monitored]] = Section(
         ),
     ),
     "`state` is the openTCS state: "
-    + _listed(TransportOrderState)
+    + _list_values(TransportOrderState)
     + " The codes of `event` are those of [order-service.md](order-service.md).",
 )
 
@@ -209,20 +209,20 @@ ROBOTS: Final[Section[Monitored]] = Section(
     (
         gauge(
             "nena_order_service_vehicles",
-            "Vehicles by state: " + _listed(VehicleState),
+            "Vehicles by state: " + _list_values(VehicleState),
             lambda s: _by_value((each.state for each in s.engine.unit_of_work.published), VehicleState),
             "state",
         ),
         gauge(
             "nena_order_service_vehicle_connections",
-            "Vehicles by connection: " + _listed(LinkStatus),
+            "Vehicles by connection: " + _list_values(LinkStatus),
             lambda s: _by_value((each.connection for each in s.engine.unit_of_work.published), LinkStatus),
             "connection",
         ),
         gauge(
             "nena_order_service_vehicle_levels",
             "Vehicles by integration level: "
-            + ", ".join(f"`{each.value}`" for each in IntegrationLevel)
+            + ", ".join(f"`{level.value}`" for level in IntegrationLevel)
             + ".",
             lambda s: _by_value(
                 (each.integration_level for each in s.engine.unit_of_work.published), IntegrationLevel
@@ -320,7 +320,7 @@ MESSAGES: Final[Section[Monitored]] = Section(
         counter(
             "nena_order_service_requests_total",
             "Requests of hosts by interface (`door`: `rest` or `mqtt`) and answer status; 429: rate limit.",
-            _answers,
+            _count_answers,
             "door",
             "status",
         ),
@@ -343,7 +343,7 @@ PERIPHERALS: Final[Section[Monitored]] = Section(
             "Peripheral jobs that have not ended.",
             lambda s: _by_value(
                 (each.status.state for each in s.engine.state.peripheral_jobs.unfinished()),
-                (each for each in PeripheralJobState if not each.final),
+                (state for state in PeripheralJobState if not state.final),
             ),
             "state",
         ),
@@ -351,9 +351,9 @@ PERIPHERALS: Final[Section[Monitored]] = Section(
             "nena_order_service_peripheral_jobs_ended_total",
             "Peripheral jobs that ended; withdrawn ones count as FAILED.",
             lambda s: {
-                each.value: s.engine.state.peripheral_jobs.ended[each.value]
-                for each in PeripheralJobState
-                if each.final
+                state.value: s.engine.state.peripheral_jobs.ended[state.value]
+                for state in PeripheralJobState
+                if state.final
             },
             "state",
         ),
@@ -364,9 +364,9 @@ PERIPHERALS: Final[Section[Monitored]] = Section(
         ),
         gauge(
             "nena_order_service_peripherals",
-            "Peripheral devices by state: " + _listed(PeripheralState),
+            "Peripheral devices by state: " + _list_values(PeripheralState),
             lambda s: _by_value(
-                (s.engine.peripherals.status(each).state for each in s.engine.peripherals.locations),
+                (s.engine.peripherals.status(location).state for location in s.engine.peripherals.locations),
                 PeripheralState,
             ),
             "state",
@@ -437,5 +437,9 @@ def standing_by(role: Waiting) -> bytes:
 def exposition(service: Monitored, extensions: Iterable[HasSection]) -> Callable[[], bytes]:
     """Return a function that writes all metrics: of the order service, of its extensions, of the process."""
     parts = [Exposition(service, SECTIONS)]
-    parts += [Exposition(each, (each.section,), process=False) for each in extensions if each.section]
+    parts += [
+        Exposition(extension, (extension.section,), process=False)
+        for extension in extensions
+        if extension.section
+    ]
     return lambda: b"".join(part.text() for part in parts)

@@ -53,7 +53,7 @@ class Command(Request):
     """Repeated in the answer."""
 
 
-def _command(operation: Operation[Any]) -> type[Command]:
+def _command_model(operation: Operation[Any]) -> type[Command]:
     """Return the body of an operation's command: its request, and the name of its object."""
     fields: dict[str, Any] = {}
     if operation.subject:
@@ -71,7 +71,7 @@ def _command(operation: Operation[Any]) -> type[Command]:
 
 
 COMMANDS: Final[Mapping[str, type[Command]]] = {
-    name: _command(operation) for name, operation in table.COMMANDS.items()
+    name: _command_model(operation) for name, operation in table.COMMANDS.items()
 }
 """Bodies of commands by command name."""
 
@@ -86,7 +86,7 @@ class Answer(Resource):
 
 
 _RESULTS: Final[dict[str, Any]] = {
-    each.result: (each.answer | None, None) for each in table.COMMANDS.values()
+    command.result: (command.answer | None, None) for command in table.COMMANDS.values()
 }
 
 CommandAnswer: Final[type[Answer]] = create_model(
@@ -159,7 +159,7 @@ class MqttApi:
                 idempotency_key=text_in(message, "idempotencyKey", max_body=self._max_body),
                 problem=problem,
             )
-            self._publish(self._topics.creation_answer(host), refused)
+            self._publish_answer(self._topics.creation_answer(host), refused)
 
         if problem := self._limits.refusal(host, len(self._creations)):
             answer(problem)
@@ -169,11 +169,11 @@ class MqttApi:
             log.warning("creation request refused", host=host, reason=request.detail, errors=request.errors)
             answer(request)
         else:
-            task = asyncio.create_task(self._create(host, request, answer), name=f"creation for {host}")
+            task = asyncio.create_task(self._create_order(host, request, answer), name=f"creation for {host}")
             self._creations.add(task)
             task.add_done_callback(self._creations.discard)
 
-    async def _create(
+    async def _create_order(
         self, host: str, request: TransportOrderRequest, refuse: Callable[[Problem], None]
     ) -> None:
         try:
@@ -191,7 +191,7 @@ class MqttApi:
             idempotency_key=request.idempotency_key,
             transport_order=order,
         )
-        self._publish(self._topics.creation_answer(host), answer)
+        self._publish_answer(self._topics.creation_answer(host), answer)
 
     def _on_command(self, message: Inbound) -> None:
         if not message.payload:
@@ -199,24 +199,24 @@ class MqttApi:
         host, name = self._topics.host_of(message.topic), message.topic.rsplit("/", 1)[-1]
         operation = table.COMMANDS.get(name)
         if problem := self._limits.refusal(host, len(self._commands)):
-            self._refuse(host, name, message, problem)
+            self._refuse_message(host, name, message, problem)
             return
         if operation is None:
-            self._refuse(host, name, message, _unknown(name))
+            self._refuse_message(host, name, message, _unknown_command(name))
             return
         command = read_request(message, COMMANDS[name], max_body=self._max_body)
         if isinstance(command, Problem):
             log.warning("command refused", host=host, command=name, reason=command.detail)
-            self._refuse(host, name, message, command)
+            self._refuse_message(host, name, message, command)
         else:
-            task = asyncio.create_task(self._do(host, operation, command), name=f"{name} for {host}")
+            task = asyncio.create_task(self._run_command(host, operation, command), name=f"{name} for {host}")
             self._commands.add(task)
             task.add_done_callback(self._commands.discard)
 
-    async def _do(self, host: str, operation: Operation[Any], command: Command) -> None:
+    async def _run_command(self, host: str, operation: Operation[Any], command: Command) -> None:
         topic = self._topics.command_answer(host, operation.name)
         try:
-            reply = await self._operations.execute(operation, _call(operation, command, host))
+            reply = await self._operations.execute(operation, _make_call(operation, command, host))
         except Exception as error:
             if not isinstance(error, FORESEEN):
                 log.exception("command failed", host=host, command=operation.name)
@@ -225,19 +225,19 @@ class MqttApi:
         else:
             found = {"status": reply.status, operation.result: reply.body}
         answer = CommandAnswer(request_id=command.request_id, **found)
-        self._publish(topic, answer)
+        self._publish_answer(topic, answer)
 
-    def _refuse(self, host: str, name: str, message: Inbound, problem: Problem) -> None:
+    def _refuse_message(self, host: str, name: str, message: Inbound, problem: Problem) -> None:
         request_id = text_in(message, "requestId", max_body=self._max_body)
         answer = CommandAnswer(status=problem.status, request_id=request_id, problem=problem)
-        self._publish(self._topics.command_answer(host, name), answer)
+        self._publish_answer(self._topics.command_answer(host, name), answer)
 
-    def _publish(self, topic: str, answer: CreationAnswer | Answer) -> None:
+    def _publish_answer(self, topic: str, answer: CreationAnswer | Answer) -> None:
         self.answers[answer.status] += 1
         self._mqtt.publish(Outbound(topic, answer.model_dump_json(by_alias=True, exclude_none=True).encode()))
 
 
-def _call(operation: Operation[Any], command: Command, host: str) -> Call[Any]:
+def _make_call(operation: Operation[Any], command: Command, host: str) -> Call[Any]:
     request = getattr(command, operation.request_field) if operation.request_field else command
     version = getattr(command, "version", None)
     return Call(
@@ -249,7 +249,7 @@ def _call(operation: Operation[Any], command: Command, host: str) -> Call[Any]:
     )
 
 
-def _unknown(name: str) -> Problem:
+def _unknown_command(name: str) -> Problem:
     known = ", ".join(COMMANDS)
     detail = f"Unknown command {name!r}. Use one of {known}."
     return Problem(title="Unknown command", status=HTTPStatus.NOT_FOUND, detail=detail)

@@ -46,13 +46,13 @@ def add_operation(app: FastAPI, operations: HostOperations, operation: Operation
     async def endpoint(http: Request, **values: Any) -> Response:  # noqa: ANN401 - as validated by FastAPI
         refuse_unknown_query(http, names)
         try:
-            reply = await operations.execute(operation, _call(operation, http, values))
+            reply = await operations.execute(operation, _make_call(operation, http, values))
         except Exception as error:  # noqa: BLE001 - Starlette would raise it again, and the server close the connection
             return problems.response_to(http, error)
-        return _response(operation, reply, values.get("if_none_match"))
+        return _make_response(operation, reply, values.get("if_none_match"))
 
     # FastAPI reads the parameters of an endpoint from its signature (PEP 362).
-    signature = Signature([_parameter("http", Request), *_parameters_of(operation)])
+    signature = Signature([_make_parameter("http", Request), *_parameters_of(operation)])
     endpoint.__signature__ = signature  # type: ignore[attr-defined]
     status = HTTPStatus.CREATED if operation.creates else HTTPStatus.OK
     successes: dict[int | str, dict[str, Any]] = {
@@ -86,22 +86,22 @@ def _examples_of(handler: Handler, status: int) -> dict[str, Any]:
 def _parameters_of(operation: Operation[Any]) -> Iterator[Parameter]:
     reads = operation.method in READING
     if "{" in operation.path:
-        yield _parameter("name", operation.name_type)
+        yield _make_parameter("name", operation.name_type)
     if operation.request and reads:
-        yield _parameter("request", Annotated[operation.request, Query()])
+        yield _make_parameter("request", Annotated[operation.request, Query()])
     if operation.creates and not operation.subject and "idempotency_key" in operation.request.model_fields:
-        yield _parameter("idempotency_key", IdempotencyKey, default=None)
+        yield _make_parameter("idempotency_key", IdempotencyKey, default=None)
     elif operation.versioned and reads:
-        yield _parameter("if_none_match", IfNoneMatch, default=None)
+        yield _make_parameter("if_none_match", IfNoneMatch, default=None)
     elif operation.versioned:
-        yield _parameter("if_match", IfMatch, default=None)
+        yield _make_parameter("if_match", IfMatch, default=None)
     if operation.may_be_empty:
-        yield _parameter("request", operation.request | None, default=None)
+        yield _make_parameter("request", operation.request | None, default=None)
     elif operation.request and not reads:
-        yield _parameter("request", operation.request)
+        yield _make_parameter("request", operation.request)
 
 
-def _parameter(name: str, kind: Any, *, default: Any = Parameter.empty) -> Parameter:  # noqa: ANN401 - any type
+def _make_parameter(name: str, kind: Any, *, default: Any = Parameter.empty) -> Parameter:  # noqa: ANN401 - any type
     return Parameter(name, Parameter.KEYWORD_ONLY, annotation=kind, default=default)
 
 
@@ -129,34 +129,34 @@ def refusals_of(refusals: Iterable[Refusal]) -> dict[int | str, dict[str, Any]]:
     return {int(status): problem_response(text) for status, text in by_status(refusals).items()}
 
 
-def _call(operation: Operation[Any], http: Request, values: dict[str, Any]) -> Call[Any]:
+def _make_call(operation: Operation[Any], http: Request, values: dict[str, Any]) -> Call[Any]:
     request, key, version = (values.get(name) for name in ("request", "idempotency_key", "if_match"))
     if request is None and operation.may_be_empty:
         request = operation.request()
     if key and request is not None and request.idempotency_key is None:
         request = request.model_copy(update={"idempotency_key": key})
-    if trace := _traceparent(http):
-        request = _traced(request, trace)
+    if trace := _trace_of(http):
+        request = _with_trace(request, trace)
     user = user_of(http.scope)
     caller = user.known_as[:BY_LIMIT] if user else SOMEBODY  # an issuer's long subject is cut
     seen = None if version is None else ETag(version)
     return Call(values.get("name", ""), request, caller, seen, origin_of(http, AuditInterface.REST))
 
 
-def _traced(request: Any, trace: str) -> Any:  # noqa: ANN401 - the body of any operation
+def _with_trace(request: Any, trace: str) -> Any:  # noqa: ANN401 - the body of any operation
     """Return a request with the caller's trace for each order that it creates without one of its own."""
     match request:
         case TransportOrderRequest(traceparent=None) | DispatchRequest(traceparent=None):
             return request.model_copy(update={"traceparent": trace})
         case TransportOrderBatch(transport_orders=orders):
             return request.model_copy(
-                update={"transport_orders": tuple(_traced(each, trace) for each in orders)}
+                update={"transport_orders": tuple(_with_trace(order, trace) for order in orders)}
             )
         case _:
             return request
 
 
-def _traceparent(http: Request) -> str | None:
+def _trace_of(http: Request) -> str | None:
     """Return the header ``traceparent`` in version 00; None without a valid one, which is ignored.
 
     Only later versions may be longer; they begin like version 00 (W3C Trace Context, sections 3.2 and 4.3).
@@ -165,7 +165,7 @@ def _traceparent(http: Request) -> str | None:
     return f"00{found[1]}" if found else None
 
 
-def _response(operation: Operation[Any], reply: Reply, if_none_match: str | None) -> Response:
+def _make_response(operation: Operation[Any], reply: Reply, if_none_match: str | None) -> Response:
     body = reply.body
     if isinstance(body, bytes):
         return Response(body, reply.status, media_type="application/json")

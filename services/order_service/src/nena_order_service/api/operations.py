@@ -120,7 +120,7 @@ class HostOperations:
 
     def __init__(self, trail: Trail, handlers: Iterable[Handler]) -> None:
         self.trail = trail
-        self.handlers = {each.operation.name: each for each in handlers}
+        self.handlers = {handler.operation.name: handler for handler in handlers}
         self._needs = {
             name: tuple(signature(each.execute).parameters) for name, each in self.handlers.items()
         }
@@ -136,10 +136,10 @@ class HostOperations:
             answer = self.handlers[operation.name].execute(**values)
             if isawaitable(answer):
                 answer = await answer
-            reply = _reply(operation, answer)
+            reply = _make_reply(operation, answer)
             if recorded:
                 recorded.name = recorded.name or getattr(reply.body, "name", "")
-                recorded.after = _outcome(reply.body)
+                recorded.after = _outcome_of(reply.body)
             return reply
 
     def _changing_request(self, operation: Operation[Any], call: Call[Any]) -> ChangingRequest:
@@ -172,7 +172,7 @@ def created(*, new: bool) -> HTTPStatus:
     return HTTPStatus.CREATED if new else HTTPStatus.OK
 
 
-def _reply(operation: Operation[Any], answer: Any) -> Reply:  # noqa: ANN401 - see Handler.execute
+def _make_reply(operation: Operation[Any], answer: Any) -> Reply:  # noqa: ANN401 - see Handler.execute
     if isinstance(answer, Reply):
         return answer
     if isinstance(answer, tuple):
@@ -186,11 +186,11 @@ def _size_of_batch(batch: TransportOrderBatch) -> Callable[[], str]:
     return lambda: masked(content)
 
 
-def _outcome(body: BaseModel | bytes) -> str:
+def _outcome_of(body: BaseModel | bytes) -> str:
     """Return the outcome of requests that end without a change of an object; empty for others."""
     if isinstance(body, InstantActionAnswer):
         return masked({"actionId": body.action_id, "status": body.status})
     if isinstance(body, TransportOrderBatchAnswer):
-        statuses = Counter(each.status for each in body.results)
+        statuses = Counter(result.status for result in body.results)
         return masked({str(status): count for status, count in sorted(statuses.items())})
     return ""

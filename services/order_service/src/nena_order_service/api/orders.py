@@ -98,13 +98,13 @@ class OrderOperations:
 
         The same request has the same idempotency key, or without one the same name.
         """
-        order, new = await self._create(request)
+        order, new = await self._create_uncommitted(request)
         try:
             await self._engine.unit_of_work.wait_committed()
         finally:  # a robot must not wait for its order while the log is written
             if new:
                 log.info("order created", order=order.name, state=order.state.value)
-        return self._visible(order), new
+        return self._visible_status(order), new
 
     async def create_batch(self, request: TransportOrderBatch) -> TransportOrderBatchAnswer:
         """Create several orders in this order, or only check whether they could be created.
@@ -118,7 +118,11 @@ class OrderOperations:
         earlier = _Earlier()
         for number, order in enumerate(request.transport_orders, 1):
             try:
-                outcomes.append(await (self._check(order, earlier) if check_only else self._create(order)))
+                outcomes.append(
+                    await (
+                        self._check_order(order, earlier) if check_only else self._create_uncommitted(order)
+                    )
+                )
             except errors.StoreNotReadyError:
                 raise
             except (InvalidRequestError, errors.RefusedError) as error:
@@ -129,8 +133,8 @@ class OrderOperations:
                 await unit_of_work.wait_committed()
         await unit_of_work.wait_committed()
         if not check_only:
-            new = sum(not isinstance(each, Exception) and each[1] for each in outcomes)
-            refused = sum(isinstance(each, Exception) for each in outcomes)
+            new = sum(not isinstance(outcome, Exception) and outcome[1] for outcome in outcomes)
+            refused = sum(isinstance(outcome, Exception) for outcome in outcomes)
             log.info("orders created", new=new, known=len(outcomes) - new - refused, refused=refused)
         return TransportOrderBatchAnswer(
             results=tuple(map(self._creation_answer, request.transport_orders, outcomes))
@@ -149,12 +153,12 @@ class OrderOperations:
             status=created(new=new),
             name=order.name if order else name,
             idempotency_key=key,
-            transport_order=self._visible(order) if order else None,
+            transport_order=self._visible_status(order) if order else None,
         )
 
-    async def _create(self, request: TransportOrderRequest) -> tuple[TransportOrder, bool]:
+    async def _create_uncommitted(self, request: TransportOrderRequest) -> tuple[TransportOrder, bool]:
         """Create an order without waiting for the commit."""
-        request, name, known = await self._prepared(request)
+        request, name, known = await self._prepare_request(request)
         if known is not None:
             return known, False
         ended = await self._ended_dependencies(request)
@@ -166,25 +170,27 @@ class OrderOperations:
         self._engine.unit_of_work.require_store()
         return self._engine.create(request, name, ended), True
 
-    async def _check(
+    async def _check_order(
         self, request: TransportOrderRequest, earlier: _Earlier
     ) -> tuple[TransportOrder | None, bool]:
         """Check whether an order could be created after ``earlier`` ones that are not created either."""
-        prepared, _, known = await self._prepared(request)
+        prepared, _, known = await self._prepare_request(request)
         if known is None and not earlier.has(request):
-            others = tuple(each for each in request.dependencies if each not in earlier.names)
+            others = tuple(
+                dependency for dependency in request.dependencies if dependency not in earlier.names
+            )
             await self._ended_dependencies(prepared.model_copy(update={"dependencies": others}))
             await self._check_sequence(prepared)
         return known, False
 
-    async def _prepared(
+    async def _prepare_request(
         self, request: TransportOrderRequest
     ) -> tuple[TransportOrderRequest, str, TransportOrder | None]:
         """Return a valid request with its operations, the order's name, and the order that it has created."""
         request = set_operations(request, self._engine.plant)
         check_request(request, self._engine.plant, self._engine.registry.names())
         name = request.name or ORDER_PREFIX
-        known = await self._find(None if _is_prefix(request) else name, request.idempotency_key)
+        known = await self._find_order(None if _is_prefix(request) else name, request.idempotency_key)
         if known is not None:
             _check_known(known, request)
         return request, f"{name}-{sortable_id()}" if _is_prefix(request) else name, known
@@ -194,7 +200,7 @@ class OrderOperations:
         ended: dict[str, TransportOrderState] = {}
         unknown: list[str] = []
         for name in request.dependencies:
-            known = await self._find(name, None)
+            known = await self._find_order(name, None)
             if known is None:
                 unknown.append(name)
             elif known.state.final:
@@ -282,31 +288,31 @@ class OrderOperations:
         self, name: str, request: WithdrawalRequest, seen: ETag | None = None
     ) -> TransportOrderStatus:
         """Withdraw an order: it fails at once, or once its vehicle has released it."""
-        order = await self._unfinished(name, seen)
+        order = await self._unfinished_order(name, seen)
         async with self._engine.unit_of_work.saved():
             self._engine.withdraw(order.number, request.reason, immediate=request.immediate)
-        return self._visible(order)
+        return self._visible_status(order)
 
     async def hold(
         self, name: str, request: HoldRequest, caller: str, seen: ETag | None
     ) -> TransportOrderStatus:
         """Hold an order until it is resumed; an order that is already held keeps its holder."""
-        order = await self._unfinished(name, seen)
+        order = await self._unfinished_order(name, seen)
         if order.state is TransportOrderState.WITHDRAWN:
             raise errors.OrderWithdrawnError(name)
         async with self._engine.unit_of_work.saved():
             by = request.by or caller
             self._engine.hold(order.number, by, request.reason, immediate=request.immediate)
-        return self._visible(order)
+        return self._visible_status(order)
 
     async def resume(
         self, name: str, request: ResumeRequest, caller: str, seen: ETag | None
     ) -> TransportOrderStatus:
         """Resume a held order; an order that is not held stays unchanged."""
-        order = await self._unfinished(name, seen)
+        order = await self._unfinished_order(name, seen)
         async with self._engine.unit_of_work.saved():
             self._engine.resume(order.number, request.by or caller, request.reason)
-        return self._visible(order)
+        return self._visible_status(order)
 
     async def intend(self, name: str, vehicle: str | None) -> None:
         """Set the intended vehicle of an unassigned order; None: any vehicle.
@@ -314,7 +320,7 @@ class OrderOperations:
         Raises:
             OrderAssignedError: a vehicle has it, or the order belongs to a sequence.
         """
-        order = await self._unfinished(name, None)
+        order = await self._unfinished_order(name, None)
         if vehicle is not None and self._engine.registry.named(vehicle) is None:
             raise errors.UnknownVehicleError(vehicle)
         if order.state not in (TransportOrderState.ACTIVE, TransportOrderState.DISPATCHABLE):
@@ -326,7 +332,7 @@ class OrderOperations:
         async with self._engine.unit_of_work.saved():
             self._engine.intend(order.number, vehicle)
 
-    async def _unfinished(self, name: str, seen: ETag | None) -> TransportOrder:
+    async def _unfinished_order(self, name: str, seen: ETag | None) -> TransportOrder:
         """Return an order that can be changed, if it is unchanged since the caller has ``seen`` it."""
         order = self._orders.named(name) or await self._engine.store.order(name=name)
         if order is None:
@@ -336,7 +342,7 @@ class OrderOperations:
         check_version(name, order.status.version, seen)
         return order
 
-    async def _find(self, name: str | None, key: str | None) -> TransportOrder | None:
+    async def _find_order(self, name: str | None, key: str | None) -> TransportOrder | None:
         """Return the order with this key, otherwise with this name; from the store if not in memory."""
         if order := self._in_memory(name, key):
             return order
@@ -348,7 +354,7 @@ class OrderOperations:
     def _in_memory(self, name: str | None, key: str | None) -> TransportOrder | None:
         return self._orders.keyed(key) or (self._orders.named(name) if name else None)
 
-    def _visible(self, order: TransportOrder) -> TransportOrderStatus:
+    def _visible_status(self, order: TransportOrder) -> TransportOrderStatus:
         return (self._orders.visible(order.number) or order).status
 
 

@@ -36,41 +36,41 @@ class PeripheralLink:
         self._topics = topics
         self._engine = engine
         engine.peripherals.ports.append(self)
-        mqtt.subscribe(topics.all_peripherals(PeripheralTopic.JOB_STATE), self._answered)
-        mqtt.subscribe(topics.all_peripherals(PeripheralTopic.STATE), self._reported)
-        mqtt.subscribe(topics.all_peripherals(PeripheralTopic.STATUS), self._retained)
+        mqtt.subscribe(topics.all_peripherals(PeripheralTopic.JOB_STATE), self._handle_answer)
+        mqtt.subscribe(topics.all_peripherals(PeripheralTopic.STATE), self._handle_report)
+        mqtt.subscribe(topics.all_peripherals(PeripheralTopic.STATUS), self._clear_retained)
 
     def request(self, location: str, request: DeviceRequest) -> None:
         """Ask a device to execute a job."""
-        self._mqtt.publish(self._message(location, PeripheralTopic.JOB, request))
+        self._mqtt.publish(self._make_message(location, PeripheralTopic.JOB, request))
 
     def cancel(self, location: str, cancellation: DeviceCancellation) -> None:
         """Tell a device that a job is no longer needed."""
-        self._mqtt.publish(self._message(location, PeripheralTopic.CANCEL, cancellation))
+        self._mqtt.publish(self._make_message(location, PeripheralTopic.CANCEL, cancellation))
 
     def greeting(self) -> Iterator[Outbound]:
         """Yield the messages for a new connection: the jobs under way, once more."""
         for location, request in self._engine.peripherals.under_way():
-            yield self._message(location, PeripheralTopic.JOB, request)
+            yield self._make_message(location, PeripheralTopic.JOB, request)
 
-    def _answered(self, message: Inbound) -> None:
-        if message.payload and (answer := self._read(message, DeviceAnswer)):
+    def _handle_answer(self, message: Inbound) -> None:
+        if message.payload and (answer := self._read_message(message, DeviceAnswer)):
             self._engine.on_device_answer(self._topics.name_in(message.topic), answer)
 
-    def _reported(self, message: Inbound) -> None:
+    def _handle_report(self, message: Inbound) -> None:
         location = self._topics.name_in(message.topic)
         if not message.payload:  # the device has cleared its state
             self._engine.on_device_state(location, PeripheralState.UNKNOWN)
-        elif report := self._read(message, DeviceReport):
+        elif report := self._read_message(message, DeviceReport):
             self._engine.on_device_state(location, report.state)
 
-    def _retained(self, message: Inbound) -> None:
+    def _clear_retained(self, message: Inbound) -> None:
         """Clear the retained status of a device that the plant no longer has."""
         location = self._topics.name_in(message.topic)
         if message.payload and self._engine.peripherals.operations(location) is None:
             self._mqtt.publish(Outbound(message.topic, b"", retain=True))
 
-    def _read(self, message: Inbound, model: type[M]) -> M | None:
+    def _read_message(self, message: Inbound, model: type[M]) -> M | None:
         if len(message.payload) > LONGEST:
             self._count_malformed()
             log.warning("message of a peripheral device is too long", topic=message.topic)
@@ -89,6 +89,6 @@ class PeripheralLink:
     def _count_malformed(self) -> None:
         self._engine.peripherals.answers["malformed"] += 1
 
-    def _message(self, location: str, topic: PeripheralTopic, body: BaseModel) -> Outbound:
+    def _make_message(self, location: str, topic: PeripheralTopic, body: BaseModel) -> Outbound:
         payload = body.model_dump_json(by_alias=True, exclude_none=True).encode()
         return Outbound(self._topics.peripheral(location, topic), payload)

@@ -68,13 +68,13 @@ class PeripheralOperations:
         if request.after is not None:
             self.job(request.after)
             jobs = islice(dropwhile(lambda job: job.status.name != request.after, jobs), 1, None)
-        statuses = (self._peripherals.job_status(job) for job in jobs if _fits(job, request))
+        statuses = (self._peripherals.job_status(job) for job in jobs if _fits_query(job, request))
         page, following = page_of(statuses, request.limit)
         return PeripheralJobList(peripheral_jobs=page, next=following)
 
     def job(self, name: str) -> PeripheralJobStatus:
         """Return a job; raises UnknownPeripheralJobError."""
-        return self._peripherals.job_status(self._visible(name))
+        return self._peripherals.job_status(self._visible_job(name))
 
     async def create(self, request: PeripheralJobRequest) -> PeripheralJobStatus:
         """Create a job.
@@ -103,21 +103,21 @@ class PeripheralOperations:
 
     async def withdraw(self, name: str, reason: str) -> PeripheralJobStatus:
         """Withdraw a job; raises UnknownPeripheralJobError or PeripheralJobEndedError."""
-        job = self._visible(name)
+        job = self._visible_job(name)
         if job.over:
             raise PeripheralJobEndedError(name, job.status.state)
         async with self._engine.unit_of_work.saved():
             self._engine.withdraw_peripheral_job(name, reason)
         return self.job(name)
 
-    def _visible(self, name: str) -> PeripheralJob:
+    def _visible_job(self, name: str) -> PeripheralJob:
         job = self._jobs.visible(name)
         if job is None:
             raise UnknownPeripheralJobError(name)
         return job
 
 
-def _fits(job: PeripheralJob, query: PeripheralJobsQuery) -> bool:
+def _fits_query(job: PeripheralJob, query: PeripheralJobsQuery) -> bool:
     status = job.status
     return (
         query.location in (None, status.location)

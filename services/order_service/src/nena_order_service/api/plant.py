@@ -109,11 +109,11 @@ class PlantOperations:
         if vehicle is not None and self._engine.registry.named(vehicle) is None:
             raise UnknownVehicleError(vehicle)
         if request.after is not None:
-            self._point(request.after)
-        occupants = self._occupants()
+            self._point_named(request.after)
+        occupants = self._vehicles_by_point()
         points = (
             each
-            for each in _behind(self._plant.points, request.after)
+            for each in _objects_behind(self._plant.points, request.after)
             if (not request.type or each.type in request.type)
             and request.map_id in (None, each.map_id)
             and (vehicle is None or vehicle in occupants.get(each.name, ()) or vehicle in holders(each.name))
@@ -124,8 +124,8 @@ class PlantOperations:
 
     def point(self, name: str) -> PointStatus:
         """Return a point; raises UnknownPointError."""
-        point = self._point(name)
-        return self._point_status(point, self._occupants().get(name, ()))
+        point = self._point_named(name)
+        return self._point_status(point, self._vehicles_by_point().get(name, ()))
 
     def locations(self, request: LocationsQuery) -> LocationPage:
         """Return a page of locations.
@@ -138,12 +138,16 @@ class PlantOperations:
         if request.after is not None:
             self.location(request.after)
         if request.point is not None:
-            self._point(request.point)
-        wanted = (each for each in _behind(self._plant.locations, request.after) if self._fits(each, request))
+            self._point_named(request.point)
+        wanted = (
+            each
+            for each in _objects_behind(self._plant.locations, request.after)
+            if self._fits_query(each, request)
+        )
         page, following = page_of(wanted, request.limit)
         return LocationPage(locations=tuple(map(self._location_status, page)), next=following)
 
-    def _fits(self, location: Location, query: LocationsQuery) -> bool:
+    def _fits_query(self, location: Location, query: LocationsQuery) -> bool:
         if query.type not in (None, location.type):
             return False
         if query.point is None and query.operation is None:
@@ -162,19 +166,19 @@ class PlantOperations:
         """Return a page of paths; raises UnknownPathError if none has the name ``after``."""
         if request.after is not None:
             self._locks.get(request.after)
-        paths = _behind(self._locks.all(), request.after)
+        paths = _objects_behind(self._locks.all(), request.after)
         page, following = page_of(
-            (each for each in paths if request.locked in (None, each.locked)), request.limit
+            (path for path in paths if request.locked in (None, path.locked)), request.limit
         )
         return PathPage(paths=page, next=following)
 
-    def _point(self, name: str) -> Point:
+    def _point_named(self, name: str) -> Point:
         point = self._plant.points_by_name.get(name)
         if point is None:
             raise UnknownPointError(name)
         return point
 
-    def _occupants(self) -> Mapping[str, Sequence[str]]:
+    def _vehicles_by_point(self) -> Mapping[str, Sequence[str]]:
         """Return the vehicles by the point that is their current position."""
         found: defaultdict[str, list[str]] = defaultdict(list)
         for vehicle in self._engine.registry:
@@ -192,13 +196,13 @@ class PlantOperations:
             y=point.y_m,
             theta=point.heading_rad,
             map_id=point.map_id,
-            locations=tuple(self._linked.get(point.name, ())),
+            locations=tuple(self._locations_by_point.get(point.name, ())),
             occupied_by=tuple(sorted(occupied_by)),
             reserved_by=tuple(sorted(self._engine.traffic.holders(point.name))),
         )
 
     @cached_property
-    def _linked(self) -> Mapping[str, Sequence[str]]:
+    def _locations_by_point(self) -> Mapping[str, Sequence[str]]:
         """Names of locations by the points to which they are linked."""
         found: defaultdict[str, list[str]] = defaultdict(list)
         for location in self._plant.locations:
@@ -223,7 +227,7 @@ class PlantOperations:
         )
 
 
-def _behind(objects: Iterable[P], name: str | None) -> Iterator[P]:
+def _objects_behind(objects: Iterable[P], name: str | None) -> Iterator[P]:
     """Yield the objects behind the one of this name; None: all."""
     passed = name is None
     for each in objects:
@@ -257,18 +261,18 @@ def plant_model_router(plant_json: bytes, change: ChangePlant | None, trail: Tra
         """Refused while orders or vehicles use objects that the new model lacks; `check` changes nothing."""
         body = await request.body()
         if check:
-            return await _replaced(change, body, None)
-        body_digest = partial(_digest, body)
+            return await _replace_plant(change, body, None)
+        body_digest = partial(_digest_of, body)
         origin = origin_of(request, AuditInterface.REST)
         with trail.recorded(
             ChangingRequest(origin, CHANGE_PLANT.name, "plantModel", "", body_digest)
         ) as asked:
-            return await _replaced(change, body, asked)
+            return await _replace_plant(change, body, asked)
 
     return router
 
 
-async def _replaced(change: ChangePlant, body: bytes, asked: OpenRequest | None) -> Response:
+async def _replace_plant(change: ChangePlant, body: bytes, asked: OpenRequest | None) -> Response:
     """Replace the plant model, or only check whether it can be replaced if nothing is ``asked``."""
     report = await asyncio.to_thread(read_plant, body, strict=True)
     model = report.model
@@ -289,5 +293,5 @@ async def _replaced(change: ChangePlant, body: bytes, asked: OpenRequest | None)
     return Response(found.model_dump_json(by_alias=True), media_type="application/json")
 
 
-def _digest(body: bytes) -> str:
+def _digest_of(body: bytes) -> str:
     return masked({"bytes": len(body), "sha256": hashlib.sha256(body).hexdigest()})

@@ -25,7 +25,7 @@ FORESEEN: tuple[type[Exception], ...] = (InvalidRequestError, RefusedError)
 def problem_of(error: Exception) -> Problem:
     """Return the problem for an error; an unexpected error reveals no internals."""
     if isinstance(error, InvalidRequestError):
-        return _invalid(error)
+        return _invalid_problem(error)
     if not isinstance(error, RefusedError):
         return Problem(
             type=MalformedRequest.INTERNAL_ERROR.uri,
@@ -38,7 +38,7 @@ def problem_of(error: Exception) -> Problem:
     return Problem(type=refusal.uri, title=status.phrase, status=status, detail=str(error), errors=problems)
 
 
-def _invalid(error: InvalidRequestError) -> Problem:
+def _invalid_problem(error: InvalidRequestError) -> Problem:
     refusal = Refusal.UNKNOWN_IN_PLANT if error.only_unknown else Refusal.NOT_IN_PLANT
     return Problem(
         type=refusal.uri,

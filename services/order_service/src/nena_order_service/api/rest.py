@@ -122,12 +122,12 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
         add_operation(app, operations, each)
     for router in service.routers:
         app.include_router(router)
-    app.include_router(_events(stream))
+    app.include_router(_event_routes(stream))
     app.include_router(plant_model_router(service.plant_json, service.change_plant, operations.trail))
-    app.include_router(_probes(service))
+    app.include_router(_probe_routes(service))
     app.include_router(documentation())
     for path, other in service.mounted.items():
-        app.router.routes.append(_mounted(path, other))
+        app.router.routes.append(_mount_app(path, other))
     describe_problems(app)
     describe_login(app)
     return app
@@ -140,7 +140,7 @@ def in_order(operations: HostOperations) -> Iterator[Operation[Any]]:
         ConfigurationError: only administrators may use another one; :func:`role_needed` knows only the table.
 
     """
-    yield from (each for each in OPERATIONS if each.name in operations.handlers)
+    yield from (operation for operation in OPERATIONS if operation.name in operations.handlers)
     for handler in operations.handlers.values():
         if handler.operation in OPERATIONS:
             continue
@@ -179,7 +179,7 @@ def rule_of(settings: HttpSettings) -> RoleNeeded:
     return needed
 
 
-def _events(stream: EventStream) -> APIRouter:
+def _event_routes(stream: EventStream) -> APIRouter:
     router = APIRouter(prefix="/v1", tags=["events"])
 
     @router.get(
@@ -212,12 +212,14 @@ def _events(stream: EventStream) -> APIRouter:
         interest = Interest(frozenset(kind or EventKind), transport_order, vehicle)
         frames = stream.follow(last_event_id or after, interest)
         first = await anext(frames)  # an error before the first event is answered as a problem
-        return StreamingResponse(_from(first, frames), media_type="text/event-stream", headers=HEADERS)
+        return StreamingResponse(
+            _resume_stream(first, frames), media_type="text/event-stream", headers=HEADERS
+        )
 
     return router
 
 
-async def _from(first: bytes, rest: AsyncGenerator[bytes, None]) -> AsyncGenerator[bytes, None]:
+async def _resume_stream(first: bytes, rest: AsyncGenerator[bytes, None]) -> AsyncGenerator[bytes, None]:
     try:
         yield first
         async for frames in rest:
@@ -226,7 +228,7 @@ async def _from(first: bytes, rest: AsyncGenerator[bytes, None]) -> AsyncGenerat
         await rest.aclose()
 
 
-def _probes(service: Service) -> APIRouter:
+def _probe_routes(service: Service) -> APIRouter:
     router = APIRouter(tags=["service"])
 
     @router.get("/", include_in_schema=False)
@@ -259,7 +261,7 @@ def _probes(service: Service) -> APIRouter:
     return router
 
 
-def _mounted(path: str, app: ASGIApp) -> Mount:
+def _mount_app(path: str, app: ASGIApp) -> Mount:
     mount = Mount(path, app)
     # Starlette's pattern excludes names with line breaks, which would get an answer in another form.
     mount.path_regex = re.compile(mount.path_regex.pattern, re.DOTALL)

@@ -43,28 +43,28 @@ class SequenceOperations:
         prefix = request.name or SEQUENCE_PREFIX
         complete = request.name is None or request.incomplete_name
         name = f"{prefix}-{sortable_id()}" if complete else prefix
-        known = await self._find(None if complete else name, request.idempotency_key)
+        known = await self._find_sequence(None if complete else name, request.idempotency_key)
         if known is None:
             async with self._engine.unit_of_work.saved():
                 with self._engine.change():
                     sequence = self._engine.sequences.create(request, name)
                 log.info("order sequence created", sequence=name)
-            return self._visible(sequence), True
+            return self._visible_status(sequence), True
         name = f"{prefix}-" if complete else name
         check_same(known, request, name, complete=complete, same=known.was_created_by(request))
         await self._engine.unit_of_work.wait_committed()
-        return self._visible(known), False
+        return self._visible_status(known), False
 
     async def complete(self, name: str, seen: ETag | None = None) -> OrderSequenceStatus:
         """Mark a sequence complete: no more orders can join. A complete sequence stays unchanged."""
-        sequence = await self._named(name)
+        sequence = await self._sequence_named(name)
         check_version(name, sequence.status.version, seen)
         async with self._engine.unit_of_work.saved():
             if not sequence.status.complete:
                 with self._engine.change():
                     sequence = self._engine.sequences.complete(sequence)
                 log.info("order sequence complete", sequence=name)
-        return self._visible(sequence)
+        return self._visible_status(sequence)
 
     async def page(self, request: OrderSequencesQuery) -> OrderSequencePage:
         """Return a page of sequences, newest first."""
@@ -94,7 +94,7 @@ class SequenceOperations:
         """Return a page of sequences, newest first."""
         return await self._engine.store.sequences(wanted)
 
-    async def _find(self, name: str | None, key: str | None) -> OrderSequence | None:
+    async def _find_sequence(self, name: str | None, key: str | None) -> OrderSequence | None:
         """Return the sequence with this key, otherwise with this name; from the store if not in memory."""
         if found := self._in_memory(name, key):
             return found
@@ -106,13 +106,13 @@ class SequenceOperations:
     def _in_memory(self, name: str | None, key: str | None) -> OrderSequence | None:
         return self._sequences.keyed(key) or self._sequences.named(name)
 
-    async def _named(self, name: str) -> OrderSequence:
-        found = await self._find(name, None)
+    async def _sequence_named(self, name: str) -> OrderSequence:
+        found = await self._find_sequence(name, None)
         if found is None:
             raise errors.UnknownSequenceError(name)
         return self._sequences.named(name) or found
 
-    def _visible(self, sequence: OrderSequence) -> OrderSequenceStatus:
+    def _visible_status(self, sequence: OrderSequence) -> OrderSequenceStatus:
         return (
             self._sequences.visible(sequence.name) or self._sequences.named(sequence.name) or sequence
         ).status

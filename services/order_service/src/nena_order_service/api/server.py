@@ -93,7 +93,7 @@ def _refer_to(active_url: str, path: str) -> Response:
         else "The active order service is not known yet. Retry in a moment"
     )
     links = {"Link": f'<{active_url}{path}>; rel="alternate"'} if active_url else {}
-    return _retry("Standing by", f"This order service is a standby. {where}.", links)
+    return _retry_response("Standing by", f"This order service is a standby. {where}.", links)
 
 
 def make_starting_app(problem: Callable[[], str]) -> FastAPI:
@@ -119,10 +119,10 @@ def make_starting_app(problem: Callable[[], str]) -> FastAPI:
             problems=(detail(),),
         )
 
-    return _make_waiting_app(readiness, lambda _: _retry("Starting", detail(), {}))
+    return _make_waiting_app(readiness, lambda _: _retry_response("Starting", detail(), {}))
 
 
-def _retry(title: str, detail: str, headers: dict[str, str]) -> Response:
+def _retry_response(title: str, detail: str, headers: dict[str, str]) -> Response:
     problem = Problem(title=title, status=HTTPStatus.SERVICE_UNAVAILABLE, detail=detail)
     return answer(problem, {"Retry-After": RETRY_AFTER, **headers})
 
@@ -167,7 +167,7 @@ class RestServer:
         """
         self._guard = protect(app, settings, rule_of(settings))
         self._has_users = settings.users is not None or settings.oidc is not None
-        self._http = HttpServer(self._answer, settings)
+        self._http = HttpServer(self._answer_request, settings)
         self._answering: asyncio.Task[None] | None = None
 
     @property
@@ -184,7 +184,7 @@ class RestServer:
         """Serve ``app`` from the next request on."""
         self._guard.app = app
 
-    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def _answer_request(self, scope: Scope, receive: Receive, send: Send) -> None:
         accept_access_key(scope)
         if not self._has_users and changes_for_page(scope):
             await refusal(HTTPStatus.FORBIDDEN, DETAIL)(scope, receive, send)

@@ -40,7 +40,7 @@ class EndedOrders:
 
     def __init__(self, kept: float, clear: Callable[[str], None]) -> None:
         self._kept = kept
-        self._clear = clear
+        self._clear_status = clear
         self._ends: OrderedDict[str, tuple[float, TransportOrderStatus]] = OrderedDict()
         """Statuses by order name, the oldest first, with the time at which they are cleared."""
         self._clearing: asyncio.TimerHandle | None = None
@@ -72,7 +72,7 @@ class EndedOrders:
         self._clearing = loop.call_at(due, self._clear_in_time) if self._ends else None
 
     def _forget_oldest(self) -> None:
-        self._clear(self._ends.popitem(last=False)[0])
+        self._clear_status(self._ends.popitem(last=False)[0])
 
 
 class StatusPublisher:
@@ -93,7 +93,7 @@ class StatusPublisher:
         self._engine = engine
         self._plant_json = plant_json
         self.epoch = epoch
-        self._ended = EndedOrders(end_kept, self._clear)
+        self._ended = EndedOrders(end_kept, self._clear_status)
 
     def greeting(self) -> Iterator[Outbound]:
         """Yield the messages for each new connection, because the broker may have lost its data.
@@ -140,23 +140,23 @@ class StatusPublisher:
         """Clear no more topics; the next start clears those of ended orders."""
         self._ended.close()
 
-    def _clear(self, name: str) -> None:
+    def _clear_status(self, name: str) -> None:
         self.mqtt.publish(Outbound(self.topics.order_status(name), b"", retain=True))
 
     def _of_order(self, status: TransportOrderStatus) -> Outbound:
-        return self._status(self.topics.order_status(status.name), status)
+        return self._status_message(self.topics.order_status(status.name), status)
 
     def _of_sequence(self, status: OrderSequenceStatus) -> Outbound:
-        return self._status(self.topics.sequence_status(status.name), status)
+        return self._status_message(self.topics.sequence_status(status.name), status)
 
     def _of_vehicle(self, status: VehicleStatus) -> Outbound:
-        return self._status(self.topics.vehicle_status(status.serial_number), status)
+        return self._status_message(self.topics.vehicle_status(status.serial_number), status)
 
     def _of_peripheral(self, location: str) -> Outbound:
         topic = self.topics.peripheral(location, PeripheralTopic.STATUS)
-        return self._status(topic, self._engine.peripherals.status(location))
+        return self._status_message(topic, self._engine.peripherals.status(location))
 
-    def _status(self, topic: str, status: BaseModel) -> Outbound:
+    def _status_message(self, topic: str, status: BaseModel) -> Outbound:
         return Outbound(
             topic, with_epoch(status.model_dump_json(by_alias=True).encode(), self.epoch), retain=True
         )
@@ -184,13 +184,13 @@ class Heartbeat:
 
     def will(self) -> Outbound:
         """Return the last will, which the broker publishes when the connection breaks."""
-        return self._status(online=False)
+        return self._status_message(online=False)
 
     async def run(self, mqtt: MqttLink) -> None:
         """Publish until cancelled, except while the broker is not connected."""
         while True:
             if mqtt.state.connected and not self._ended:
-                mqtt.publish(replace(self._status(online=True), keep=False))
+                mqtt.publish(replace(self._status_message(online=True), keep=False))
             await set_within(self._due, HEARTBEAT)
             self._due.clear()
 
@@ -203,7 +203,7 @@ class Heartbeat:
         self._ended = True
         mqtt.publish(self.will())
 
-    def _status(self, *, online: bool) -> Outbound:
+    def _status_message(self, *, online: bool) -> Outbound:
         status = ServiceStatus(
             online=online,
             timestamp=self._clock.now(),
@@ -260,7 +260,7 @@ class RetainedSweep:
             if link.connected and link.term != swept:
                 term = link.term
                 try:
-                    await self._sweep()
+                    await self._sweep_statuses()
                 except StoreNotReadyError as error:
                     log.warning("retained statuses not corrected yet", reason=str(error))
                     await asyncio.sleep(STORE_RETRY)
@@ -269,7 +269,7 @@ class RetainedSweep:
             else:
                 await asyncio.sleep(TERM_POLL)
 
-    async def _sweep(self) -> None:
+    async def _sweep_statuses(self) -> None:
         """Listen for a while once the broker is connected, then correct stale statuses."""
         connected = asyncio.Event()
 
@@ -278,7 +278,7 @@ class RetainedSweep:
             return ()
 
         link = MqttLink(self._settings, client_id=self._client_id, hooks=LinkHooks(on_connected=greet))
-        link.subscribe(self._topics.all_order_statuses, self._note)
+        link.subscribe(self._topics.all_order_statuses, self._note_status)
         link.subscribe(self._topics.all_sequence_statuses, self._note_sequence)
         link.subscribe(self._topics.all_vehicle_statuses, self._note_vehicle)
         listening = asyncio.create_task(link.run(), name="retained statuses")
@@ -301,9 +301,9 @@ class RetainedSweep:
         """Return whether another order service published a retained status."""
         return epoch_of(message.payload) != self._epoch
 
-    def _note(self, message: Inbound) -> None:
+    def _note_status(self, message: Inbound) -> None:
         name = self._name_in(message, self._topics.order_status)
-        if message.retained and message.payload and (self._is_stale(message) or not self._lives(name)):
+        if message.retained and message.payload and (self._is_stale(message) or not self._is_alive(name)):
             self._names.add(name)
 
     def _note_sequence(self, message: Inbound) -> None:
@@ -357,6 +357,6 @@ class RetainedSweep:
             log.warning("clearing the status of an unknown order", order=name)
             self._mqtt.publish(Outbound(self._topics.order_status(name), b"", retain=True))
 
-    def _lives(self, name: str) -> bool:
+    def _is_alive(self, name: str) -> bool:
         order = self._engine.state.orders.visible_named(name)
         return order is not None and not order.state.final

@@ -86,30 +86,30 @@ class VehicleOperations:
     def vehicles(self, after: str | None = None) -> Iterator[VehicleStatus]:
         """Yield all vehicles, or those after the one named ``after``."""
         vehicles = [*self._engine.registry]
-        start = vehicles.index(self._named(after)) + 1 if after is not None else 0
+        start = vehicles.index(self._vehicle_named(after)) + 1 if after is not None else 0
         return map(self._engine.status, vehicles[start:])
 
     def vehicle(self, name: str) -> VehicleStatus:
         """Return a vehicle."""
-        return self._engine.status(self._named(name))
+        return self._engine.status(self._vehicle_named(name))
 
     async def set_integration_level(self, name: str, level: IntegrationLevel) -> VehicleStatus:
         """Set the integration level of a vehicle; it survives restarts."""
-        vehicle = self._named(name)
+        vehicle = self._vehicle_named(name)
         async with self._engine.unit_of_work.saved():
             self._engine.set_integration_level(vehicle, level)
         return self._engine.status(vehicle)
 
     async def accept_order_types(self, name: str, types: tuple[AcceptableOrderType, ...]) -> VehicleStatus:
         """Set the order types that a vehicle accepts; they survive restarts."""
-        vehicle = self._named(name)
+        vehicle = self._vehicle_named(name)
         async with self._engine.unit_of_work.saved():
             self._engine.accept_order_types(vehicle, types)
         return self._engine.status(vehicle)
 
     async def dispatch(self, name: str, request: DispatchRequest) -> tuple[TransportOrderStatus, bool]:
         """Send a vehicle somewhere with a new order; see :meth:`OrderOperations.create`."""
-        self._named(name)
+        self._vehicle_named(name)
         return await self._orders.create(
             TransportOrderRequest(
                 destinations=(request.destination(),),
@@ -122,7 +122,7 @@ class VehicleOperations:
 
     async def reroute(self, name: str, kind: ReroutingType) -> ReroutingAnswer:
         """Replan the route of the order that a vehicle works on; see :meth:`Rerouting.request`."""
-        vehicle = self._named(name)
+        vehicle = self._vehicle_named(name)
         async with self._engine.unit_of_work.saved():
             rerouted = self._engine.reroute(vehicle, kind)
             order = self._engine.status(vehicle).transport_order
@@ -136,9 +136,11 @@ class VehicleOperations:
 
     async def instant_action(self, name: str, request: InstantActionRequest) -> Reply:
         """Send an instant action to a vehicle and wait briefly for its end; 202: it is still running."""
-        vehicle = self._named(name)
+        vehicle = self._vehicle_named(name)
         action_type = ACTION_TYPES.get(request.action_type, request.action_type)
-        parameters = tuple(ActionParameter(key=each.key, value=each.value) for each in request.parameters)
+        parameters = tuple(
+            ActionParameter(key=parameter.key, value=parameter.value) for parameter in request.parameters
+        )
         if request.pose:
             parameters = (*self._pose_parameters(vehicle, request.pose), *parameters)
         self._admit_instant_action(vehicle, action_type)
@@ -202,7 +204,7 @@ class VehicleOperations:
         yield ActionParameter(key="mapId", value=map_id)
         yield ActionParameter(key="lastNodeId", value=min(near, key=distance).name if near else "")
 
-    def _named(self, name: str) -> FleetVehicle:
+    def _vehicle_named(self, name: str) -> FleetVehicle:
         vehicle = self._engine.registry.named(name)
         if vehicle is None:
             raise UnknownVehicleError(name)

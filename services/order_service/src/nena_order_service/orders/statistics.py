@@ -43,16 +43,16 @@ class OrderStatistics:
     """Counts since the start of the program, and how many orders are in each state now."""
 
     def __init__(self) -> None:
-        self.present = {each: 0 for each in TransportOrderState if not each.final}
+        self.present = {state: 0 for state in TransportOrderState if not state.final}
         self.waits = dict.fromkeys(Wait, 0)
-        self.ended = {each: 0 for each in TransportOrderState if each.final}
+        self.ended = {state: 0 for state in TransportOrderState if state.final}
         self.created = 0
         self.late = 0
-        self.events = dict.fromkeys((each.value for each in EventCode), 0)
+        self.events = dict.fromkeys((code.value for code in EventCode), 0)
         """Number of history entries by event code."""
         self.assignment = Histogram(LONG)
         """Seconds from creation to first assignment."""
-        self.durations = {each: Histogram(LONG) for each in TransportOrderState if each.final}
+        self.durations = {state: Histogram(LONG) for state in TransportOrderState if state.final}
         """Seconds from creation to end, by final state."""
 
     def loaded(self, order: TransportOrder) -> None:

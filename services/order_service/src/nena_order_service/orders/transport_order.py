@@ -153,7 +153,7 @@ class TransportOrder:
 
     def was_created_by(self, request: TransportOrderRequest) -> bool:
         """Return whether ``request`` equals the one that created the order, apart from names."""
-        same_stops = tuple(each.destination for each in self.status.drive_orders) == request.destinations
+        same_stops = tuple(order.destination for order in self.status.drive_orders) == request.destinations
         return same_stops and all(
             getattr(self.status, field) == getattr(request, field) for field in REQUEST_FIELDS
         )
@@ -323,10 +323,10 @@ class TransportOrder:
         """Finish the order: every drive order is done, or its operation was skipped by the policy."""
         ended = (DriveOrderState.FAILED, DriveOrderState.FINISHED)
         drive_orders = tuple(
-            each if each.state in ended else each.model_copy(update={"state": DriveOrderState.FINISHED})
-            for each in self.status.drive_orders
+            order if order.state in ended else order.model_copy(update={"state": DriveOrderState.FINISHED})
+            for order in self.status.drive_orders
         )
-        left_out = sum(each.state is DriveOrderState.FAILED for each in drive_orders)
+        left_out = sum(order.state is DriveOrderState.FAILED for order in drive_orders)
         vehicle = self.vehicle or ""
         return self._end_in(
             S.FINISHED,
@@ -341,10 +341,10 @@ class TransportOrder:
     def failed(self, reason: Reason, now: datetime) -> Self:
         """Fail the order; its unfinished drive orders fail as well."""
         drive_orders = tuple(
-            each
-            if each.state is DriveOrderState.FINISHED
-            else each.model_copy(update={"state": DriveOrderState.FAILED})
-            for each in self.status.drive_orders
+            order
+            if order.state is DriveOrderState.FINISHED
+            else order.model_copy(update={"state": DriveOrderState.FAILED})
+            for order in self.status.drive_orders
         )
         return self._end_in(S.FAILED, reason, now, drive_orders=drive_orders)
 

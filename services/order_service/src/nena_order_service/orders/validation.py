@@ -63,7 +63,7 @@ def check_request(request: TransportOrderRequest, plant: PlantModel, vehicles: C
 
 def set_operations(request: TransportOrderRequest, plant: PlantModel) -> TransportOrderRequest:
     """Return the request with NOP at locations without an operation, unless MOVE is possible there."""
-    destinations = tuple(_set_operation(each, plant) for each in request.destinations)
+    destinations = tuple(_set_operation(destination, plant) for destination in request.destinations)
     if all(map(is_, destinations, request.destinations)):
         return request
     return request.model_copy(update={"destinations": destinations})
@@ -128,15 +128,15 @@ def _check_destination(destination: Destination, plant: PlantModel) -> Iterator[
 
 
 def _check_peripherals(destination: Destination, plant: PlantModel) -> Iterator[Finding]:
-    for each in destination.peripheral_operations:
-        location = plant.locations_by_name.get(each.location)
+    for operation in destination.peripheral_operations:
+        location = plant.locations_by_name.get(operation.location)
         if location is None:
-            like = _similar_names(each.location, plant.locations_by_name)
-            yield Finding(Reason(R.UNKNOWN_DEVICE, *like, location=each.location), unknown=True)
+            like = _similar_names(operation.location, plant.locations_by_name)
+            yield Finding(Reason(R.UNKNOWN_DEVICE, *like, location=operation.location), unknown=True)
             continue
         possible = plant.location_types_by_name[location.type].allowed_peripheral_operations
-        if each.operation not in possible:
-            known = {"location": each.location, "operation": each.operation}
+        if operation.operation not in possible:
+            known = {"location": operation.location, "operation": operation.operation}
             none = Reason(R.NO_DEVICE, **known)
             yield Finding(Reason(R.NOT_AT_DEVICE, names=", ".join(possible), **known) if possible else none)
 

@@ -152,7 +152,9 @@ class OrderPlanner:
     def route_request(self, order: TransportOrder, vehicle: FleetVehicle, leg: Leg) -> RouteRequest:
         """Return the vehicle's route request for the current drive order, with the route ``leg``."""
         destination = order.status.drive_orders[order.status.current_drive_order_index].destination
-        needed = (each for each in destination.peripheral_operations if each.completion_required)
+        needed = (
+            operation for operation in destination.peripheral_operations if operation.completion_required
+        )
         devices = tuple(dict.fromkeys(each.location for each in needed)) if self._peripherals else ()
         if destination.coordinate:
             goal = self.finder.nearest(destination.coordinate)

@@ -34,14 +34,18 @@ class RouteNeeds:
 
     def __init__(self, operations: Iterable[NeededOperation]) -> None:
         self.operations = tuple(operations)
-        self.keys = frozenset(each.key for each in self.operations)
+        self.keys = frozenset(operation.key for operation in self.operations)
 
     def __bool__(self) -> bool:
         return bool(self.operations)
 
     def at(self, step: int, *triggers: ExecutionTrigger) -> Iterator[NeededOperation]:
         """Yield the operations of a step with one of these triggers."""
-        return (each for each in self.operations if each.step == step and each.trigger in triggers)
+        return (
+            operation
+            for operation in self.operations
+            if operation.step == step and operation.trigger in triggers
+        )
 
     def before(self, step: int) -> Iterator[NeededOperation]:
         """Yield the operations after earlier movements that come before a step.
@@ -49,15 +53,19 @@ class RouteNeeds:
         Those that are required, and those of the devices that the step needs again: a door that was passed
         is closed before it is opened for the next pass.
         """
-        again = {each.location for each in self.operations if each.step == step and each.required}
-        for each in self.operations:
-            behind = each.trigger is T.AFTER_MOVEMENT and each.step < step
-            if behind and (each.required or each.location in again):
-                yield each
+        again = {
+            operation.location
+            for operation in self.operations
+            if operation.step == step and operation.required
+        }
+        for operation in self.operations:
+            behind = operation.trigger is T.AFTER_MOVEMENT and operation.step < step
+            if behind and (operation.required or operation.location in again):
+                yield operation
 
     def at_once(self) -> Iterator[NeededOperation]:
         """Yield the operations that start with the route."""
-        return (each for each in self.operations if each.trigger is T.IMMEDIATE)
+        return (operation for operation in self.operations if operation.trigger is T.IMMEDIATE)
 
 
 class NeedsFinder:
@@ -65,9 +73,9 @@ class NeedsFinder:
 
     def __init__(self, plant: PlantModel, *, enabled: bool) -> None:
         self._by_path = {
-            each.name: each.peripheral_operations
-            for each in plant.paths
-            if enabled and each.peripheral_operations
+            path.name: path.peripheral_operations
+            for path in plant.paths
+            if enabled and path.peripheral_operations
         }
         self._enabled = enabled
 

@@ -183,9 +183,9 @@ class RechargeLocations:
         )
         if not places:
             return Recharging(reason=_why_none(assigned))
-        free = [each for each in places if not taken(each.point)]
+        free = [place for place in places if not taken(place.point)]
         preferred = [each for each in free if each.location == properties.get(PREFERRED_RECHARGE_LOCATION)]
-        cleared = [each for each in places if idly_occupied(each.point)]
+        cleared = [place for place in places if idly_occupied(place.point)]
         if found := (preferred or free or cleared):
             return Recharging(found[0].location, found[0].operation)
         if assigned:

@@ -151,6 +151,6 @@ def why_not_on(map_id: str, state: State) -> Reason | None:
     if not state.maps or not map_id:
         return None
     versions = [each for each in state.maps if each.map_id == map_id]
-    if any(each.map_status is MapStatus.ENABLED for each in versions):
+    if any(version.map_status is MapStatus.ENABLED for version in versions):
         return None
     return Reason(R.NO_MAP_ENABLED if versions else R.NO_MAP, map=map_id)

@@ -116,5 +116,8 @@ class Rejection(ProblemType):
     )
 
 
-DESCRIBED: Final[Mapping[str, ProblemType]] = {**TYPES, **{each.uri: each for each in Rejection}}
+DESCRIBED: Final[Mapping[str, ProblemType]] = {
+    **TYPES,
+    **{rejection.uri: rejection for rejection in Rejection},
+}
 """All types by URI, also those of the order service, whose answers to commands are passed on."""

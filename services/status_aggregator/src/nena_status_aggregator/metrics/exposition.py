@@ -35,7 +35,7 @@ DISTRIBUTION = "nena-status-aggregator"
 
 def _count_robots(aggregator: Aggregator) -> Mapping[LabelValues, float]:
     counts = Counter(robot.condition for robot in aggregator.model.robots)
-    return {each.value: counts[each] for each in Condition}
+    return {condition.value: counts[condition] for condition in Condition}
 
 
 NAMES_SHOWN = 5
@@ -78,10 +78,10 @@ def _by_kind(counts: Mapping[MessageKind, int]) -> Mapping[LabelValues, float]:
 
 def _count_orders(aggregator: Aggregator) -> Mapping[LabelValues, float]:
     states = Counter(order.status.state for order in aggregator.model.orders)
-    return {each.value: states[each] for each in TransportOrderState}
+    return {state.value: states[state] for state in TransportOrderState}
 
 
-FINAL: Final = tuple(each.value for each in TransportOrderState if each.final)
+FINAL: Final = tuple(state.value for state in TransportOrderState if state.final)
 
 
 def _orders_ended(aggregator: Aggregator) -> Mapping[LabelValues, float]:
@@ -169,7 +169,7 @@ ROBOTS: Final[Section[Aggregator]] = Section(
             "status",
         ),
     ),
-    "`condition` is one of " + ", ".join(f"`{each.value}`" for each in Condition) + ".",
+    "`condition` is one of " + ", ".join(f"`{condition.value}`" for condition in Condition) + ".",
 )
 
 MESSAGES: Final[Section[Aggregator]] = Section(
@@ -210,7 +210,7 @@ MESSAGES: Final[Section[Aggregator]] = Section(
             "reason",
         ),
     ),
-    "`topic` is one of " + ", ".join(f"`{each.value}`" for each in MessageKind) + ".",
+    "`topic` is one of " + ", ".join(f"`{kind.value}`" for kind in MessageKind) + ".",
 )
 
 ORDERS: Final[Section[Aggregator]] = Section(
@@ -262,7 +262,7 @@ ORDERS: Final[Section[Aggregator]] = Section(
         ),
     ),
     "`state` is the openTCS state: "
-    + ", ".join(f"`{each.value}`" for each in TransportOrderState)
+    + ", ".join(f"`{state.value}`" for state in TransportOrderState)
     + "; ended orders have one of "
     + ", ".join(f"`{each}`" for each in FINAL)
     + ".",

@@ -130,7 +130,7 @@ class BlackBox:
             reason = await self._due.get()
             try:
                 await asyncio.sleep(self._settings.delay)
-                await self._write(reason)
+                await self._write_file(reason)
             except asyncio.CancelledError:
                 self._due.put_nowait(reason)  # as after a change of the plant model, which runs it again
                 raise
@@ -144,10 +144,10 @@ class BlackBox:
             OSError: the disk fails.
         """
         if self._requested is None or self._requested.done():
-            self._requested = asyncio.create_task(self._write(REQUEST), name="requested recording")
+            self._requested = asyncio.create_task(self._write_file(REQUEST), name="requested recording")
         return await asyncio.shield(self._requested)
 
-    async def _write(self, reason: str) -> str:
+    async def _write_file(self, reason: str) -> str:
         """Write one file at a time, in a thread: each can take seconds of it."""
         async with self._writing:
             return await self._write_now(reason)

@@ -93,7 +93,7 @@ def _write_entries(writer: Writer, recording: Recording, ros_schema: Callable[[s
         channel = entry.channel
         if channel not in channels:
             if channel.schema not in schemas:
-                schemas[channel.schema] = _schema(writer, channel.schema, ros_schema)
+                schemas[channel.schema] = _register_schema(writer, channel.schema, ros_schema)
             encoding = "cdr" if channel.schema else "json"
             channels[channel] = writer.register_channel(channel.topic, encoding, schemas[channel.schema])
         time = recording.nanoseconds(entry.at)
@@ -101,7 +101,7 @@ def _write_entries(writer: Writer, recording: Recording, ros_schema: Callable[[s
         writer.add_message(channels[channel], log_time=time, publish_time=time, data=data, sequence=number)
 
 
-def _schema(writer: Writer, name: str, ros_schema: Callable[[str], bytes]) -> int:
+def _register_schema(writer: Writer, name: str, ros_schema: Callable[[str], bytes]) -> int:
     form = (name, "ros2msg", ros_schema(name)) if name else ("json", "jsonschema", _ANY_OBJECT)
     return int(writer.register_schema(*form))
 
@@ -110,19 +110,19 @@ def encoded(entry: Entry) -> bytes:
     """Return the payload of an entry as the file contains it."""
     payload, channel = entry.payload, entry.channel
     if isinstance(payload, bytes):
-        return payload if channel.schema or channel.own else _readable(payload)
+        return payload if channel.schema or channel.own else _as_json_object(payload)
     found = {key: value for key, value in payload.items() if value not in NOTHING}
-    return json.dumps(found, ensure_ascii=False, default=_dumped).encode()
+    return json.dumps(found, ensure_ascii=False, default=_as_on_wire).encode()
 
 
-def _dumped(value: object) -> object:
+def _as_on_wire(value: object) -> object:
     """Return a model within a document as it is on the wire."""
     if isinstance(value, BaseModel):
         return value.model_dump(mode="json", by_alias=True, exclude_none=True)
     return str(value)
 
 
-def _readable(payload: bytes) -> bytes:
+def _as_json_object(payload: bytes) -> bytes:
     """Return a received payload, in an envelope if it is not a JSON object."""
     try:
         if isinstance(json.loads(payload), dict):
@@ -135,7 +135,7 @@ def _readable(payload: bytes) -> bytes:
 def _write_log(writer: Writer, recording: Recording) -> None:
     schema = writer.register_schema(LOG_SCHEMA, "jsonschema", json.dumps(_LOG_FORM).encode())
     channel = writer.register_channel(LOG_TOPIC, "json", schema)
-    for number, (time, level, text) in enumerate(_logged(recording.lines)):
+    for number, (time, level, text) in enumerate(_log_entries(recording.lines)):
         seconds, rest = divmod(time, _SECOND)
         line = {
             "timestamp": {"sec": seconds, "nsec": rest},
@@ -147,7 +147,7 @@ def _write_log(writer: Writer, recording: Recording) -> None:
         writer.add_message(channel, log_time=time, publish_time=time, data=payload, sequence=number)
 
 
-def _logged(lines: Iterable[str]) -> Iterable[tuple[int, int, str]]:
+def _log_entries(lines: Iterable[str]) -> Iterable[tuple[int, int, str]]:
     """Yield time (ns), level and text of each line of the log; a line without a time is left out."""
     for line in lines:
         time, _, rest = line.partition(" [")

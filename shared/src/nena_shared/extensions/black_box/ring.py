@@ -88,15 +88,15 @@ class Ring:
             self._entries.append(Entry(now, channel, payload, cost))
             self._size += cost
             if self._size > self._limit or self._entries[0].at < now - self._seconds:
-                self._trim(now)
+                self._drop_old(now)
 
     def entries(self, now: float) -> list[Entry]:
         """Return the entries that are not too old at ``now``, oldest first."""
         with self._lock:
-            self._trim(now)
+            self._drop_old(now)
             return list(self._entries)
 
-    def _trim(self, now: float) -> None:
+    def _drop_old(self, now: float) -> None:
         entries, oldest = self._entries, now - self._seconds
         while entries and (self._size > self._limit or entries[0].at < oldest):
             removed = entries.popleft()

@@ -80,7 +80,7 @@ class Uploader:
     def attach(self, link: UploadLink) -> None:
         """Send on ``link`` from now on."""
         self._link = link
-        link.subscribe(self._topics.answers, self._take, needed=False)
+        link.subscribe(self._topics.answers, self._handle_answer, needed=False)
 
     def wake(self) -> None:
         """Send a new file; call this in the event loop."""
@@ -93,16 +93,16 @@ class Uploader:
             self._added.clear()
             files = await asyncio.to_thread(self._folder.waiting)
             self._counts.waiting = len(files)
-            sent = [await self._send(file.path) for file in files]
+            sent = [await self._send_file(file.path) for file in files]
             if all(sent):
                 await self._added.wait()
             else:
                 await set_within(self._added, READ_AGAIN_AFTER)
 
-    async def _send(self, path: Path) -> bool:
+    async def _send_file(self, path: Path) -> bool:
         """Send a file; return False if it could not be read and still waits."""
         try:
-            transfer = await asyncio.to_thread(_begin, path)
+            transfer = await asyncio.to_thread(_begin_transfer, path)
             await self._send_chunks(path, transfer)
             await asyncio.to_thread(self._folder.mark_sent, path.name)
         except FileNotFoundError:
@@ -129,7 +129,7 @@ class Uploader:
         self._transfer = transfer
         timeout = ANSWER_TIMEOUT
         while transfer.end is None:
-            data = await asyncio.to_thread(_read, path, transfer.offset)
+            data = await asyncio.to_thread(_read_chunk, path, transfer.offset)
             self._answered.clear()
             if self._link and self._link.state.connected:
                 self._link.publish(Outbound(self._topics.chunks, transfer.chunk(data).encode(), keep=False))
@@ -137,7 +137,7 @@ class Uploader:
             answered = await set_within(self._answered, timeout)
             timeout = ANSWER_TIMEOUT if answered else min(2 * timeout, LONGEST_TIMEOUT)
 
-    def _take(self, message: Inbound) -> None:
+    def _handle_answer(self, message: Inbound) -> None:
         try:
             answer = Answer.model_validate_json(message.payload)
         except ValidationError:
@@ -147,13 +147,13 @@ class Uploader:
             self._answered.set()
 
 
-def _begin(path: Path) -> Transfer:
+def _begin_transfer(path: Path) -> Transfer:
     with path.open("rb") as file:
         digest = file_digest(file, "sha256").hexdigest()
         return Transfer(path.name, file.tell(), digest)
 
 
-def _read(path: Path, offset: int) -> bytes:
+def _read_chunk(path: Path, offset: int) -> bytes:
     with path.open("rb") as file:
         file.seek(offset)
         return file.read(CHUNK_SIZE)

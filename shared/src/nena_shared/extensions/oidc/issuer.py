@@ -78,7 +78,7 @@ class BoundedHttp:
                 httpx.AsyncClient(verify=self._tls, timeout=self._timeout, trust_env=False) as client,
                 client.stream(method, url, data=form, auth=login, headers=HEADERS) as answer,
             ):
-                found = json.loads(await _body(answer))
+                found = json.loads(await _read_body(answer))
         except TimeoutError as error:
             message = f"{url} has not answered within {self._timeout:g} s"
             raise IssuerUnavailableError(message) from error
@@ -98,7 +98,7 @@ HEADERS = {"accept": "application/json", "accept-encoding": "identity"}
 """Requests uncompressed responses, so that the size limit applies to received and stored data alike."""
 
 
-async def _body(answer: httpx.Response) -> bytes:
+async def _read_body(answer: httpx.Response) -> bytes:
     body = bytearray()
     async for chunk in answer.aiter_raw():
         body += chunk
@@ -156,7 +156,7 @@ class KeySet:
     """Public signature keys by key ID; all other keys are ignored."""
 
     def __init__(self, keys: Sequence[Mapping[str, Any]]) -> None:
-        self._keys = keys
+        self._keys_at = keys
         self._made: dict[tuple[str | None, str], PyJWK] = {}
 
     @classmethod
@@ -185,7 +185,7 @@ class KeySet:
         """Return the key with this ID for a signature algorithm; without an ID, the only suitable key."""
         if (made := self._made.get((kid, algorithm))) is not None:
             return made
-        fitting = [key for key in self._keys if _fits(key, kid, algorithm)]
+        fitting = [key for key in self._keys_at if _fits_key(key, kid, algorithm)]
         if len(fitting) != 1:
             return None
         try:
@@ -200,7 +200,7 @@ def _is_usable(key: Mapping[str, Any]) -> bool:
     return key.get("kty") in KINDS.values() and key.get("use", "sig") == "sig"
 
 
-def _fits(key: Mapping[str, Any], kid: str | None, algorithm: str) -> bool:
+def _fits_key(key: Mapping[str, Any], kid: str | None, algorithm: str) -> bool:
     named = kid is None or key.get("kid") == kid
     return named and key["kty"] == KINDS[algorithm[:2]] and key.get("alg", algorithm) == algorithm
 
@@ -256,7 +256,7 @@ class Issuer:
         Raises:
             IssuerUnavailableError: the issuer is unavailable.
         """
-        return (await self._current(lambda _: True)).metadata
+        return (await self._current_keys(lambda _: True)).metadata
 
     async def key(self, header: TokenHeader) -> PyJWK:
         """Return the signing key named in a token's header.
@@ -265,7 +265,7 @@ class Issuer:
             TokenRefusedError: the issuer has no such key.
             IssuerUnavailableError: the issuer is unavailable, or the limit of requests to it is reached.
         """
-        known = await self._current(lambda known: known.keys.has(header.kid, header.algorithm))
+        known = await self._current_keys(lambda known: known.keys.has(header.kid, header.algorithm))
         key = known.keys.find(header.kid, header.algorithm)
         if key is None and self.problem:
             raise IssuerUnavailableError(self.problem)
@@ -274,14 +274,14 @@ class Issuer:
             raise TokenRefusedError(message)
         return key
 
-    async def _current(self, serves: _Serves) -> _KnownKeys:
+    async def _current_keys(self, serves: _Serves) -> _KnownKeys:
         """Return the cached keys if they are sufficient, else fetch them."""
         known = self._known
         if known and serves(known) and self._is_younger(known, KEPT):
             if not self._is_younger(known, FRESH):
                 self._begin_to_renew()
             return known
-        answered = await self._renew(serves)
+        answered = await self._renew_keys(serves)
         known = self._known
         if known and (answered or serves(known)) and self._is_younger(known, KEPT):
             return known
@@ -294,11 +294,11 @@ class Issuer:
 
     async def _renew_in_background(self) -> None:
         try:
-            await self._renew(lambda _: True)
+            await self._renew_keys(lambda _: True)
         except Exception:
             log.exception("OIDC issuer unavailable; its known keys remain in use")
 
-    async def _renew(self, serves: _Serves) -> bool:
+    async def _renew_keys(self, serves: _Serves) -> bool:
         """Fetch the keys unless they are sufficient by now; return False if the rate limit is reached."""
         async with self._lock:
             known = self._known
@@ -306,14 +306,14 @@ class Issuer:
                 return True
             if self._looks.wait("", self._clock.monotonic()):
                 return False
-            await self._look()
+            await self._fetch_keys()
             return True
 
-    async def _look(self) -> None:
+    async def _fetch_keys(self) -> None:
         try:
             found = await self.http.get(metadata_url(self.settings.issuer))
             metadata = metadata_of(found, self.settings.issuer)
-            keys = await self._keys(metadata.jwks_uri)
+            keys = await self._keys_at(metadata.jwks_uri)
         except IssuerUnavailableError as error:
             if str(error) != self.problem:
                 log.warning("OIDC issuer unavailable; only NeNa's own tokens are accepted", reason=str(error))
@@ -324,7 +324,7 @@ class Issuer:
         self.problem = ""
         self._known = _KnownKeys(metadata, keys, self._clock.monotonic())
 
-    async def _keys(self, url: str) -> KeySet:
+    async def _keys_at(self, url: str) -> KeySet:
         try:
             return KeySet.of(await self.http.get(url))
         except ValueError as error:

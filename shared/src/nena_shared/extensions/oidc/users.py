@@ -27,8 +27,8 @@ def user_of(claims: Mapping[str, Any], settings: OidcSettings) -> OidcUser:
     if not isinstance(subject, str) or not 0 < len(subject) <= SUBJECT_LIMIT or not subject.isprintable():
         message = "it names no user (sub)"
         raise TokenRefusedError(message)
-    name = _name(claims.get(settings.user_claim)) or subject[:NAME_LIMIT]
-    return OidcUser(name, _role(name, claims, settings), subject, _end(claims, settings.leeway))
+    name = _name_of(claims.get(settings.user_claim)) or subject[:NAME_LIMIT]
+    return OidcUser(name, _role_of(name, claims, settings), subject, _end_of(claims, settings.leeway))
 
 
 def values_of(claims: Mapping[str, Any], path: str) -> frozenset[str]:
@@ -45,7 +45,7 @@ def values_of(claims: Mapping[str, Any], path: str) -> frozenset[str]:
     return frozenset(each for each in values if isinstance(each, str))
 
 
-def _role(name: str, claims: Mapping[str, Any], settings: OidcSettings) -> Role:
+def _role_of(name: str, claims: Mapping[str, Any], settings: OidcSettings) -> Role:
     given = values_of(claims, settings.roles_claim)
     roles = [Role[role.upper()] for value, role in settings.roles.items() if value in given]
     if not roles:
@@ -58,11 +58,11 @@ def _role(name: str, claims: Mapping[str, Any], settings: OidcSettings) -> Role:
     return max(roles)
 
 
-def _name(claim: object) -> str:
+def _name_of(claim: object) -> str:
     return claim if isinstance(claim, str) and claim.isprintable() and len(claim) <= NAME_LIMIT else ""
 
 
-def _end(claims: Mapping[str, Any], leeway: float) -> datetime:
+def _end_of(claims: Mapping[str, Any], leeway: float) -> datetime:
     try:
         return datetime.fromtimestamp(int(claims["exp"]), UTC) + timedelta(seconds=leeway)
     except (ValueError, TypeError, OverflowError, OSError) as error:

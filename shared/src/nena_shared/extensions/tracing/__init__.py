@@ -80,20 +80,20 @@ def order_name_of(order_id: str) -> str:
 
 def trace_id_of(name: str) -> int:
     """Return the ID of the trace of a transport order, or of an order of another fleet control."""
-    return _derived("trace", name, 16)
+    return _derive_id("trace", name, 16)
 
 
 def order_span_id(name: str) -> int:
     """Return the ID of the span of a transport order."""
-    return _derived("transportOrder", name, 8)
+    return _derive_id("transportOrder", name, 8)
 
 
 def vda_order_span_id(order_id: str) -> int:
     """Return the ID of the span of a VDA order, whose children are the robot's spans."""
-    return _derived("vdaOrder", order_id, 8)
+    return _derive_id("vdaOrder", order_id, 8)
 
 
-def _derived(kind: str, name: str, length: int) -> int:
+def _derive_id(kind: str, name: str, length: int) -> int:
     return int.from_bytes(sha256(f"nena:{kind}:{name}".encode()).digest()[:length], "big")
 
 

@@ -120,7 +120,7 @@ class SpanExport:
         self._waiting.append(span)
         self._wake.set()
         if self._thread is None:
-            self._thread = self._start()
+            self._thread = self._start_thread()
 
     @property
     def outcomes(self) -> Mapping[str, int]:
@@ -135,18 +135,18 @@ class SpanExport:
             await asyncio.to_thread(self._thread.join, CLOSE_TIMEOUT)
         self._exporter.shutdown()
 
-    def _start(self) -> threading.Thread:
+    def _start_thread(self) -> threading.Thread:
         """Start the thread; from now on, failed attempts of the SDK are not logged one by one."""
         logging.getLogger("opentelemetry").setLevel(logging.CRITICAL)
         attempts = logging.getLogger("opentelemetry.exporter")
         attempts.setLevel(logging.WARNING)
         attempts.propagate = False
         attempts.addHandler(self._reason)
-        thread = threading.Thread(target=self._run, name="span export", daemon=True)
+        thread = threading.Thread(target=self._export_batches, name="span export", daemon=True)
         thread.start()
         return thread
 
-    def _run(self) -> None:
+    def _export_batches(self) -> None:
         while not self._closed.is_set():
             self._wake.wait()
             self._closed.wait(BATCH_DELAY)
@@ -157,14 +157,14 @@ class SpanExport:
     def _export_all(self) -> None:
         while self._waiting:
             batch = [self._waiting.popleft() for _ in range(min(BATCH, len(self._waiting)))]
-            self._note(self._export(batch))
+            self._log_change(self._export_batch(batch))
 
-    def _export(self, batch: Sequence[Span]) -> bool:
+    def _export_batch(self, batch: Sequence[Span]) -> bool:
         """Return whether the collector has accepted a batch."""
         self._ended.spans, self._reason.text = [], ""
         try:
             for span in batch:
-                self._convert(span)
+                self._convert_span(span)
             made = self._ended.spans
             works = not made or self._exporter.export(made) is SpanExportResult.SUCCESS
         except Exception:
@@ -173,7 +173,7 @@ class SpanExport:
         self._outcomes["exported" if works else "failed"] += len(self._ended.spans)
         return works
 
-    def _note(self, works: bool) -> None:  # noqa: FBT001 - of one batch
+    def _log_change(self, works: bool) -> None:  # noqa: FBT001 - of one batch
         """Log when the collector stops accepting spans, and when it accepts them again."""
         if works is not self._works:
             self._works = works
@@ -185,11 +185,11 @@ class SpanExport:
                     reason=self._reason.text,
                 )
 
-    def _convert(self, span: Span) -> None:
+    def _convert_span(self, span: Span) -> None:
         self._ids.trace_id, self._ids.span_id = span.trace_id, span.span_id
         made = self._tracer.start_span(
             span.name,
-            context=_context(span.trace_id, span.parent_id) if span.parent_id else Context(),
+            context=_span_context_of(span.trace_id, span.parent_id) if span.parent_id else Context(),
             attributes=span.attributes,
             links=[trace.Link(_span_context(span.link.trace_id, span.link.span_id))] if span.link else (),
             start_time=_nanoseconds(span.begin),
@@ -208,7 +208,7 @@ def _check_ca(file: Path) -> None:
         raise ConfigurationError([f"tracing.ca: {file}: {error.strerror or error}"]) from error
 
 
-def _context(trace_id: int, span_id: int) -> Context:
+def _span_context_of(trace_id: int, span_id: int) -> Context:
     return trace.set_span_in_context(trace.NonRecordingSpan(_span_context(trace_id, span_id)), Context())
 
 

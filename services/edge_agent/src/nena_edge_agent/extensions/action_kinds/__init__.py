@@ -25,7 +25,7 @@ def _wait_for_message(operation: SignalOperationSettings, maker: OperationMaker)
     return maker.ros_action(operation, RosParts(answer=operation.answer))
 
 
-def _charge(operation: ChargeOperationSettings, maker: OperationMaker) -> ActionPlugin:
+def _make_charge(operation: ChargeOperationSettings, maker: OperationMaker) -> ActionPlugin:
     return maker.ros_action(operation, RosParts(operation.command, operation.call, operation.confirmation))
 
 
@@ -41,7 +41,7 @@ def _set_turn_signal(operation: TurnSignalSettings, maker: OperationMaker) -> Ac
     return maker.ros_action(directed, RosParts(command, lasting=operation.scopes == (ActionScope.EDGE,)))
 
 
-def _dock(operation: DockOperationSettings, maker: OperationMaker) -> ActionPlugin:
+def _make_dock(operation: DockOperationSettings, maker: OperationMaker) -> ActionPlugin:
     return Docking(operation, maker.context.drive)
 
 
@@ -50,7 +50,7 @@ class ActionKinds(Extension):
 
     kinds: ClassVar[Mapping[str, OperationKind]] = {
         "signal": OperationKind(SignalOperationSettings, _wait_for_message),
-        "charge": OperationKind(ChargeOperationSettings, _charge),
+        "charge": OperationKind(ChargeOperationSettings, _make_charge),
         "turn_signal": OperationKind(TurnSignalSettings, _set_turn_signal),
-        "dock": OperationKind(DockOperationSettings, _dock),
+        "dock": OperationKind(DockOperationSettings, _make_dock),
     }

@@ -43,7 +43,7 @@ class Docking:
             settings.action_type,
             scopes=settings.scopes,
             parameters=(
-                *(each.declared for each in settings.parameters),
+                *(parameter.declared for parameter in settings.parameters),
                 *((forward,) if settings.adjustable else ()),
             ),
             blocking_types=settings.blocking_types,
@@ -73,7 +73,7 @@ class _Drive(BackgroundAction):
         self._resumed = asyncio.Event()
         self._resumed.set()
         self._drive_task: asyncio.Task[None] | None = None
-        super().__init__(action_id, self._work, report)
+        super().__init__(action_id, self._dock_robot, report)
 
     def pause(self) -> None:
         """Stop the robot; PAUSED is reported at standstill."""
@@ -86,7 +86,7 @@ class _Drive(BackgroundAction):
         """Continue the drive."""
         self._resumed.set()
 
-    async def _work(self) -> ActionReport:
+    async def _dock_robot(self) -> ActionReport:
         start = self._drive.pose
         if start is None:
             message = "the robot is not localised"

@@ -121,7 +121,7 @@ class DockOperationSettings(OperationBase):
     timeout: Seconds = Field(60.0, description="Timeout, seconds.")
 
     @model_validator(mode="after")
-    def _stands(self) -> Self:
+    def _check_scope(self) -> Self:
         if self.scopes != (ActionScope.NODE,) or not {*self.blocking_types} <= {
             BlockingType.SOFT,
             BlockingType.HARD,

@@ -48,9 +48,9 @@ class BlackBoxes(Extension):
         from nena_shared.extensions.black_box.metrics import recording_metrics  # noqa: PLC0415 - an extra
         from nena_shared.metrics import Section  # noqa: PLC0415
 
-        return Section("Recordings", recording_metrics(cls._counts))
+        return Section("Recordings", recording_metrics(cls._count_recordings))
 
-    def _counts(self) -> RecordingCounts | None:
+    def _count_recordings(self) -> RecordingCounts | None:
         """Return what happened to the files; None: no robot makes any, or they stay on the robot."""
         if not self._boxes and not self.settings.upload.enabled:
             return None

@@ -59,10 +59,10 @@ class Triggers:
     def _new_error(self, errors: tuple[ErrorEntry, ...]) -> Trigger | None:
         if errors is self._errors:
             return None
-        before = {error_key(each) for each in self._errors}
+        before = {error_key(error) for error in self._errors}
         self._errors = errors
-        serious = (each for each in errors if each.error_level in SERIOUS)
-        return Trigger.ERROR if any(error_key(each) not in before for each in serious) else None
+        serious = (error for error in errors if error.error_level in SERIOUS)
+        return Trigger.ERROR if any(error_key(rule) not in before for rule in serious) else None
 
 
 class RobotBlackBox(BlackBox):
@@ -107,9 +107,9 @@ class FetchRecording:
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Write the file in the background; it is sent after the action has ended."""
-        return BackgroundAction(action.action_id, partial(self._work, action), report)
+        return BackgroundAction(action.action_id, partial(self._write_recording, action), report)
 
-    async def _work(self, action: Action) -> ActionReport:
+    async def _write_recording(self, action: Action) -> ActionReport:
         try:
             name = await self._box.request()
         except OSError as error:

@@ -42,14 +42,14 @@ class LogReport:
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Write the file in the background."""
-        return BackgroundAction(action.action_id, partial(self._work, action), report)
+        return BackgroundAction(action.action_id, partial(self._write_report, action), report)
 
-    async def _work(self, action: Action) -> ActionReport:
+    async def _write_report(self, action: Action) -> ActionReport:
         reason = str(action.parameter("reason"))
         name = f"{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}.log"
         text = "\n".join([f"log report: {reason}", *recent_lines()]) + "\n"
         try:
-            await asyncio.to_thread(self._write, name, text)
+            await asyncio.to_thread(self._write_file, name, text)
             if self._send:
                 await self._send(name, partial(Path.write_text, data=text, encoding="utf-8"))
         except (OSError, RuntimeError) as error:
@@ -57,7 +57,7 @@ class LogReport:
             raise WorkFailedError(message) from error
         return ActionReport(action.action_id, ActionStatus.FINISHED, name)
 
-    def _write(self, name: str, text: str) -> None:
+    def _write_file(self, name: str, text: str) -> None:
         folder = self._settings.folder.expanduser()
         folder.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")

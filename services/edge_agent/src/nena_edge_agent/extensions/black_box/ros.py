@@ -40,17 +40,17 @@ class RosTopicRecorder:
         """Subscribe on a new node; a topic whose type is not installed is logged and left out."""
         from nena_edge_agent.nav2.session import SENSOR  # noqa: PLC0415 - the loopback needs no ROS
 
-        for each in self._topics:
+        for topic in self._topics:
             try:
-                kind = class_of(each.type)
+                kind = class_of(topic.type)
             except UnknownTypeError as error:
-                log.warning("topic not recorded", topic=each.topic, reason=str(error))
+                log.warning("topic not recorded", topic=topic.topic, reason=str(error))
                 continue
-            name = node.resolve_topic_name(each.topic)
-            add = partial(self._add, Channel(name, each.type))
-            node.create_subscription(kind, each.topic, add, SENSOR, raw=True)
+            name = node.resolve_topic_name(topic.topic)
+            add = partial(self._add_message, Channel(name, topic.type))
+            node.create_subscription(kind, topic.topic, add, SENSOR, raw=True)
 
-    def _add(self, channel: Channel, message: bytes) -> None:
+    def _add_message(self, channel: Channel, message: bytes) -> None:
         self._ring.add(channel, message, self._clock.monotonic())
 
 
@@ -59,7 +59,7 @@ def ros_schema(type_name: str) -> bytes:
 
     Returns nothing if the installation lacks a definition: Foxglove then lists the topic without decoding it.
     """
-    text = _definition(type_name)
+    text = _definition_of(type_name)
     if text is None:
         return b""
     parts, known, waiting = [text], {type_name}, _types_in(text, type_name)
@@ -68,7 +68,7 @@ def ros_schema(type_name: str) -> bytes:
         if inner in known:
             continue
         known.add(inner)
-        found = _definition(inner)
+        found = _definition_of(inner)
         if found is None:
             return b""
         package, _, name = inner.split("/")
@@ -82,7 +82,7 @@ def _types_in(text: str, type_name: str) -> list[str]:
     return [f"{package or own}/msg/{name}" for package, name in _FIELD.findall(text)]
 
 
-def _definition(type_name: str) -> str | None:
+def _definition_of(type_name: str) -> str | None:
     for prefix in (*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix):
         try:
             return Path(prefix, "share", f"{type_name}.msg").read_text(encoding="utf-8")

@@ -55,10 +55,10 @@ class Maps(Extension):
 
     def __init__(self, settings: MapSettings, core: Core) -> None:
         super().__init__(settings, core)
-        self._stores = {robot.key: self._store(robot.key) for robot in core.robots}
+        self._stores = {robot.key: self._open_store(robot.key) for robot in core.robots}
         self._images: dict[RobotKey, Outbound] = {}
 
-    def _store(self, robot: RobotKey) -> MapStore | None:
+    def _open_store(self, robot: RobotKey) -> MapStore | None:
         """Return the configured map store, None if the robot has a single, fixed map.
 
         A plug-in is called with the agent's settings and the robot, and returns a :class:`MapStore`.
@@ -107,12 +107,12 @@ class Maps(Extension):
             return store.map_id if isinstance(store, Nav2MapStore) else agent.map_id
 
         def publish(image: MapImage) -> None:
-            self._images[robot.key] = self._message(robot.key, image)
+            self._images[robot.key] = self._map_message(robot.key, image)
             robot.link.publish(self._images[robot.key])
 
         return (MapWatch(agent.ros.names.map, map_id, PlantFrame.of(agent.map_transforms), publish),)
 
-    def _message(self, robot: RobotKey, image: MapImage) -> Outbound:
+    def _map_message(self, robot: RobotKey, image: MapImage) -> Outbound:
         """Return the message with the robot's map, retained; it is queued until the link can send it."""
         topic = FleetTopics(self.core.settings.topic_prefix).robot_map(robot)
         return Outbound(topic, image.model_dump_json(by_alias=True).encode(), retain=True)

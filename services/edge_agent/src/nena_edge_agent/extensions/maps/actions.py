@@ -63,7 +63,7 @@ def map_actions(
             await store.install(map_id, map_version, content)
 
     async def enable(map_id: str, map_version: str, action: Action) -> None:
-        position = None if drive is None else _position(action, map_id)
+        position = None if drive is None else _position_on_map(action, map_id)
         async with lock:
             await store.enable(map_id, map_version)
         if drive is not None and position is not None:
@@ -77,19 +77,23 @@ def map_actions(
     link = Parameter(MAP_LINK, ValueDataType.STRING, description="http or https")
     digest = Parameter(MAP_HASH, ValueDataType.STRING, required=False, description="SHA-256, hexadecimal")
     return (
-        _MapAction(store, fetch, _declared(DOWNLOAD_MAP, instant, "Downloads a map.", link, digest)),
+        _MapAction(store, fetch, _make_declaration(DOWNLOAD_MAP, instant, "Downloads a map.", link, digest)),
         _MapAction(
             store,
             enable,
-            _declared(ENABLE_MAP, on_nodes, "Enables a map.", *(_POSITION_PARAMETERS if drive else ())),
+            _make_declaration(
+                ENABLE_MAP, on_nodes, "Enables a map.", *(_POSITION_PARAMETERS if drive else ())
+            ),
         ),
-        _MapAction(store, delete, _declared(DELETE_MAP, instant, "Deletes a map that is not enabled.")),
+        _MapAction(
+            store, delete, _make_declaration(DELETE_MAP, instant, "Deletes a map that is not enabled.")
+        ),
     )
 
 
-def _position(action: Action, map_id: str) -> Pose | None:
+def _position_on_map(action: Action, map_id: str) -> Pose | None:
     """Return the robot's pose on the enabled map, None if the action has no parameters for it."""
-    found = [action.parameter(each.key) for each in _POSITION_PARAMETERS]
+    found = [action.parameter(parameter.key) for parameter in _POSITION_PARAMETERS]
     if found == [None, None, None]:
         return None
     numbers = [float(each) for each in found if isinstance(each, int | float)]
@@ -100,7 +104,7 @@ def _position(action: Action, map_id: str) -> Pose | None:
     return Pose(x, y, theta, map_id)
 
 
-def _declared(
+def _make_declaration(
     action_type: str, scopes: tuple[ActionScope, ...], description: str, *more: Parameter
 ) -> ActionDeclaration:
     return ActionDeclaration(
@@ -122,14 +126,16 @@ class _MapAction:
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Start the change; its final report has the resulting maps."""
-        return BackgroundAction(action.action_id, partial(self._work, action), report)
+        return BackgroundAction(action.action_id, partial(self._change_map, action), report)
 
-    async def _work(self, action: Action) -> ActionReport:
+    async def _change_map(self, action: Action) -> ActionReport:
         map_id, version = str(action.parameter("mapId")), str(action.parameter("mapVersion"))
         try:
             await self._change(map_id, version, action)
         except DuplicateMapError as problem:
-            raise WorkFailedError(str(problem), _duplicate(action, map_id, version, problem)) from problem
+            raise WorkFailedError(
+                str(problem), _report_duplicate(action, map_id, version, problem)
+            ) from problem
         except (MapRefusedError, DownloadError) as problem:
             raise WorkFailedError(str(problem)) from problem
         except DriveError as problem:
@@ -139,7 +145,7 @@ class _MapAction:
         return ActionReport(action.action_id, ActionStatus.FINISHED, maps=self._store.maps)
 
 
-def _duplicate(action: Action, map_id: str, version: str, problem: DuplicateMapError) -> ActionReport:
+def _report_duplicate(action: Action, map_id: str, version: str, problem: DuplicateMapError) -> ActionReport:
     entry = error(
         ErrorType.DUPLICATE_MAP,
         str(problem),

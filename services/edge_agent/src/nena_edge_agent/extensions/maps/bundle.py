@@ -103,13 +103,13 @@ class MapBundle:
             BadBundleError: it is not an archive, or contains no map.
         """
         try:
-            return cls._read(_opened(content))
+            return cls._read_archive(_open_archive(content))
         except _UNREADABLE as error:
             message = f"the map is not a readable zip or tar archive ({error})"
             raise BadBundleError(message) from error
 
     @classmethod
-    def _read(cls, archive: _Zip | _Tar) -> MapBundle:
+    def _read_archive(cls, archive: _Zip | _Tar) -> MapBundle:
         named = [each for each in archive.names if each.lower().endswith((".yaml", ".yml"))]
         if len(named) != 1:
             message = f"the map needs one YAML file in its archive, not {len(named)}"
@@ -119,7 +119,7 @@ class MapBundle:
         except UnicodeDecodeError:
             message = f"{named[0]} is not text"
             raise BadBundleError(message) from None
-        entries = _entries(named[0], text)
+        entries = _read_entries(named[0], text)
         suffix = PurePosixPath(entries["image"]).suffix.lower()
         path = str(PurePosixPath(named[0]).parent / entries["image"])
         if suffix not in IMAGES or path not in archive.names:
@@ -132,13 +132,13 @@ class MapBundle:
         return cls("".join(lines), name, image)
 
 
-def _entries(name: str, text: str) -> dict[str, str]:
+def _read_entries(name: str, text: str) -> dict[str, str]:
     """Return the entries of a YAML file that map_server may read.
 
     Raises:
         BadBundleError: a key is missing or duplicate, or a value is invalid.
     """
-    lines = [(found["key"], _value(found["value"])) for found in _ENTRY.finditer(text)]
+    lines = [(found["key"], _read_value(found["value"])) for found in _ENTRY.finditer(text)]
     entries = dict(lines)
     for key in REQUIRED:
         if key not in entries or (key == "image" and not entries[key]):
@@ -152,7 +152,7 @@ def _entries(name: str, text: str) -> dict[str, str]:
     if origin is None:
         message = f"{name}: 'origin' needs three numbers"
         raise BadBundleError(message)
-    numbers = ", ".join(each for each in origin.groups() if each)
+    numbers = ", ".join(group for group in origin.groups() if group)
     return {
         key: f"[{numbers}]" if key == "origin" else value
         for key, value in entries.items()
@@ -160,7 +160,7 @@ def _entries(name: str, text: str) -> dict[str, str]:
     }
 
 
-def _value(text: str) -> str:
+def _read_value(text: str) -> str:
     return text.partition("#")[0].strip().strip("'\"")
 
 
@@ -170,7 +170,7 @@ def _check_size(name: str, suffix: str, image: bytes) -> None:
     Raises:
         BadBundleError: it is not such an image, or has too many pixels.
     """
-    size = _size(suffix, image)
+    size = _image_size(suffix, image)
     if size is None:
         message = f"{name} is not a {suffix[1:].upper()} image"
         raise BadBundleError(message)
@@ -180,7 +180,7 @@ def _check_size(name: str, suffix: str, image: bytes) -> None:
         raise BadBundleError(message)
 
 
-def _size(suffix: str, image: bytes) -> tuple[int, int] | None:
+def _image_size(suffix: str, image: bytes) -> tuple[int, int] | None:
     if suffix == ".png":
         return png_size(image)
     if suffix == ".pgm":
@@ -196,16 +196,16 @@ class _Zip:
     def __init__(self, file: zipfile.ZipFile) -> None:
         self._file = file
         entries = (each for each in file.infolist()[:FILES_LIMIT] if not each.is_dir())
-        self._entries = {each.filename.removeprefix("./"): each for each in entries}
-        self.names = list(self._entries)
+        self._read_entries = {entry.filename.removeprefix("./"): entry for entry in entries}
+        self.names = list(self._read_entries)
 
     def read(self, name: str, limit: int) -> bytes:
-        entry = self._entries[name]
+        entry = self._read_entries[name]
         if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             message = f"{name} has an unsupported compression; use deflate"
             raise BadBundleError(message)
         with self._file.open(entry) as file:
-            return _limited(file.read(limit + 1), name, limit)
+            return _limit_content(file.read(limit + 1), name, limit)
 
 
 class _Tar:
@@ -218,10 +218,10 @@ class _Tar:
 
     def read(self, name: str, limit: int) -> bytes:
         file = self._file.extractfile(self._members[name])
-        return _limited(file.read(limit + 1) if file else b"", name, limit)
+        return _limit_content(file.read(limit + 1) if file else b"", name, limit)
 
 
-def _opened(content: bytes) -> _Zip | _Tar:
+def _open_archive(content: bytes) -> _Zip | _Tar:
     if zipfile.is_zipfile(io.BytesIO(content)):
         if content.count(_ZIP_ENTRY) > ENTRIES_LIMIT:
             message = f"the map's archive has more than {ENTRIES_LIMIT} files"
@@ -230,11 +230,11 @@ def _opened(content: bytes) -> _Zip | _Tar:
     for first, unpack in _UNPACKERS.items():
         if content.startswith(first):
             # Not by tarfile: to find the next file it unpacks all before it, without a limit.
-            content = _limited(unpack(content, UNPACKED_LIMIT + 1), "the map's archive", UNPACKED_LIMIT)
+            content = _limit_content(unpack(content, UNPACKED_LIMIT + 1), "the map's archive", UNPACKED_LIMIT)
     return _Tar(tarfile.open(fileobj=io.BytesIO(content), mode="r:"))
 
 
-def _limited(content: bytes, name: str, limit: int) -> bytes:
+def _limit_content(content: bytes, name: str, limit: int) -> bytes:
     if len(content) > limit:
         message = f"{name} has more than {limit} bytes"
         raise BadBundleError(message)

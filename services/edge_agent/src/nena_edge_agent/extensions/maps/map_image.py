@@ -56,14 +56,16 @@ def occupancy_image(cells: bytes, width: int, height: int, *, side_limit: int) -
         message = f"{len(cells)} cells do not make a grid of {width} by {height}"
         raise ValueError(message)
     factor = -(-max(width, height) // side_limit)
-    rows = list(_rows(cells, width, factor))
+    rows = list(_pixel_rows(cells, width, factor))
     header = struct.pack(">IIBBBBB", len(rows[0]), len(rows), 8, 3, 0, 0, 0)
     lines = b"".join(b"\0" + row for row in reversed(rows))
     chunks = ((b"IHDR", header), (b"PLTE", _PALETTE), (b"tRNS", _OPACITIES), (b"IDAT", zlib.compress(lines)))
-    return OccupancyImage(_SIGNATURE + b"".join(_chunk(*each) for each in (*chunks, (b"IEND", b""))), factor)
+    return OccupancyImage(
+        _SIGNATURE + b"".join(_png_chunk(*each) for each in (*chunks, (b"IEND", b""))), factor
+    )
 
 
-def _rows(cells: bytes, width: int, factor: int) -> Iterator[bytes]:
+def _pixel_rows(cells: bytes, width: int, factor: int) -> Iterator[bytes]:
     """Return the rows of pixels, the lowest first."""
     if factor == 1:
         yield from (cells[at : at + width] for at in range(0, len(cells), width))
@@ -78,7 +80,7 @@ def _rows(cells: bytes, width: int, factor: int) -> Iterator[bytes]:
         yield bytes(map(max, *(row[at::factor] for at in range(factor)))).translate(_VALUES)
 
 
-def _chunk(kind: bytes, content: bytes) -> bytes:
+def _png_chunk(kind: bytes, content: bytes) -> bytes:
     return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
 
 
@@ -139,11 +141,11 @@ class MapWatch:
         digest = hashlib.blake2b(repr(place).encode() + cells, digest_size=16).hexdigest()
         if digest == self._digest:
             return None
-        found = self._drawn(info, cells, digest, map_id)
+        found = self._draw_map(info, cells, digest, map_id)
         self._digest = digest
         return found
 
-    def _drawn(self, info: Any, cells: bytes, digest: str, map_id: str) -> MapImage:  # noqa: ANN401
+    def _draw_map(self, info: Any, cells: bytes, digest: str, map_id: str) -> MapImage:  # noqa: ANN401
         transform = self._frame.on(map_id)
         image = occupancy_image(cells, int(info.width), int(info.height), side_limit=SIDE_LIMIT)
         if len(image.png) > PNG_LIMIT:

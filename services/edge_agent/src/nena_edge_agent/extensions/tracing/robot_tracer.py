@@ -122,7 +122,9 @@ class RobotTracer:
             span,
         )
         if not is_new:
-            order.ended_actions.update(each.action.action_id for each in robot.actions if each.status.ended)
+            order.ended_actions.update(
+                action.action.action_id for action in robot.actions if action.status.ended
+            )
         return order
 
     def _note_update(self, order: _OpenOrder, robot: RobotState) -> None:
@@ -178,21 +180,21 @@ class RobotTracer:
             open_span = order.actions.pop(action.action_id)
             failed = record.status is ActionStatus.FAILED
             error = cut(record.result or "no reason given") if failed else ""
-            self._end(order, open_span, record.status.value, error=error)
+            self._end_span(order, open_span, record.status.value, error=error)
 
     def _end_goal(self, order: _OpenOrder, outcome: str, *, error: str = "") -> None:
         if order.goal:
-            self._end(order, order.goal, outcome, error=error)
+            self._end_span(order, order.goal, outcome, error=error)
             order.goal = None
 
     def _end_order(self, order: _OpenOrder, outcome: str) -> None:
         self._end_goal(order, outcome)
-        for each in order.actions.values():
-            self._end(order, each, outcome)
-        self._end(order, order.span, outcome)
+        for action in order.actions.values():
+            self._end_span(order, action, outcome)
+        self._end_span(order, order.span, outcome)
         self._order = None
 
-    def _end(self, order: _OpenOrder, ended: _OpenSpan, outcome: str, *, error: str = "") -> None:
+    def _end_span(self, order: _OpenOrder, ended: _OpenSpan, outcome: str, *, error: str = "") -> None:
         whose = {
             "vda5050.order_id": order.order_id,
             "vda5050.manufacturer": self._robot.manufacturer,

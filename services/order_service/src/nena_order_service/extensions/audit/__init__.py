@@ -95,7 +95,7 @@ class AuditTrail(Extension):
         if asked.creates_many:
             if created:
                 after = self._state_of(request, asked.creates, created, changes)
-                row = self._row(request, AuditResult.DONE, name=created, after=after, body=str)
+                row = self._make_row(request, AuditResult.DONE, name=created, after=after, body=str)
                 changes.audit.append(row)
         elif not recorded.is_recorded:
             recorded.is_recorded = True
@@ -105,12 +105,12 @@ class AuditTrail(Extension):
         """Record the request unless its change was recorded; a failure is recorded in any case."""
         asked, recorded = request.asked, self._open[request]
         if result is not AuditResult.DONE:
-            self._add(self._row(request, result, name=request.name, reason=reason))
+            self._commit_row(self._make_row(request, result, name=request.name, reason=reason))
         elif not recorded.is_recorded:
             after = request.after or self._state_of(request, asked.kind, request.name)
             if asked.creates == asked.kind and not asked.creates_many:
                 recorded.before = after  # it was created before, by the same request
-            self._add(self._row(request, result, name=request.name, after=after))
+            self._commit_row(self._make_row(request, result, name=request.name, after=after))
         del self._open[request]
 
     def _state_of(self, request: OpenRequest, kind: str, name: str, changes: Changes | None = None) -> str:
@@ -122,9 +122,9 @@ class AuditTrail(Extension):
         after = request.after or self._state_of(request, asked.kind, name, changes)
         if created and asked.creates != asked.kind:  # such as the order of a dispatched vehicle
             after = json.dumps({asked.creates: created}, ensure_ascii=False)
-        return self._row(request, AuditResult.DONE, name=name, after=after)
+        return self._make_row(request, AuditResult.DONE, name=name, after=after)
 
-    def _row(
+    def _make_row(
         self,
         request: OpenRequest,
         result: AuditResult,
@@ -150,7 +150,7 @@ class AuditTrail(Extension):
             reason=reason,
         )
 
-    def _add(self, row: AuditRow) -> None:
+    def _commit_row(self, row: AuditRow) -> None:
         """Commit a row on its own, soon; during a long failure of the database it is only logged."""
         if self._waiting >= WAITING_LIMIT:
             log.error(
@@ -162,9 +162,9 @@ class AuditTrail(Extension):
             )
             return
         self._waiting += 1
-        self._store.commit(Changes(audit=[row]), self._written)
+        self._store.commit(Changes(audit=[row]), self._row_written)
 
-    def _written(self) -> None:
+    def _row_written(self) -> None:
         self._waiting -= 1
 
     async def page(self, wanted: AuditQuery) -> AuditPage:

@@ -61,26 +61,26 @@ def audit_csv(read: ReadPage) -> APIRouter:
             limit=PAGE,
         )
         first = await read(wanted)  # an error before the first row is answered as a problem
-        return StreamingResponse(_rows(read, wanted, first), media_type="text/csv; charset=utf-8")
+        return StreamingResponse(_csv_rows(read, wanted, first), media_type="text/csv; charset=utf-8")
 
     return router
 
 
-async def _rows(read: ReadPage, wanted: AuditQuery, page: AuditPage) -> AsyncIterator[str]:
+async def _csv_rows(read: ReadPage, wanted: AuditQuery, page: AuditPage) -> AsyncIterator[str]:
     yield ",".join(COLUMNS) + "\r\n"
     while True:
-        yield await asyncio.to_thread(_lines, page.entries)  # a page takes up to half a second
+        yield await asyncio.to_thread(_csv_lines, page.entries)  # a page takes up to half a second
         if page.next is None:
             return
         page = await read(wanted.model_copy(update={"after": page.next}))
 
 
-def _cells(entry: AuditEntry) -> list[str]:
+def _cells_of(entry: AuditEntry) -> list[str]:
     row = entry.model_dump(mode="json", by_alias=True)
     return [harmless(value) if isinstance(value, str) else str(value) for value in map(row.get, COLUMNS)]
 
 
-def _lines(entries: Iterable[AuditEntry]) -> str:
+def _csv_lines(entries: Iterable[AuditEntry]) -> str:
     text = io.StringIO()
-    csv.writer(text).writerows(map(_cells, entries))
+    csv.writer(text).writerows(map(_cells_of, entries))
     return text.getvalue()

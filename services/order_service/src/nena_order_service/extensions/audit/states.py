@@ -29,12 +29,12 @@ class ObjectStates:
         self._zones = zones
         self._state = engine.state
         self._kinds: dict[str, DescribeObject] = {
-            "transportOrder": self._order,
-            "orderSequence": self._sequence,
-            "vehicle": self._vehicle,
-            "path": self._path,
-            "stop": self._stop,
-            "peripheralJob": self._job,
+            "transportOrder": self._order_state,
+            "orderSequence": self._sequence_state,
+            "vehicle": self._vehicle_state,
+            "path": self._path_state,
+            "stop": self._stop_state,
+            "peripheralJob": self._job_state,
             "zoneSet": self._zone_set,
             "plantModel": self._plant_model,
         }
@@ -51,7 +51,7 @@ class ObjectStates:
             state = None
         return json.dumps(state, ensure_ascii=False) if state else ""
 
-    def _order(self, name: str, _: Changes) -> State | None:
+    def _order_state(self, name: str, _: Changes) -> State | None:
         order = self._state.orders.named(name)
         if order is None:
             return None
@@ -59,13 +59,13 @@ class ObjectStates:
         held = {"heldBy": status.held.by} if status.held else {}
         return {"state": order.state.value, "vehicle": status.processing_vehicle, **held}
 
-    def _sequence(self, name: str, _: Changes) -> State | None:
+    def _sequence_state(self, name: str, _: Changes) -> State | None:
         sequence = self._state.sequences.named(name)
         if sequence is None:
             return None
         return {"complete": sequence.status.complete, "finished": sequence.status.finished}
 
-    def _vehicle(self, name: str, _: Changes) -> State | None:
+    def _vehicle_state(self, name: str, _: Changes) -> State | None:
         vehicle = self._engine.registry.named(name)
         if vehicle is None:
             return None
@@ -74,18 +74,18 @@ class ObjectStates:
         own = {"acceptableOrderTypes": [order_type.name for order_type in types]} if types is not None else {}
         return {"integrationLevel": record.integration_level.value, **own}
 
-    def _path(self, name: str, changes: Changes) -> State | None:
+    def _path_state(self, name: str, changes: Changes) -> State | None:
         if name in changes.path_locks:
             return {"locked": changes.path_locks[name]}
         is_path = name in self._engine.plant.paths_by_name
         return {"locked": self._engine.context.finder.is_locked(name)} if is_path else None
 
-    def _stop(self, name: str, _: Changes) -> State | None:
+    def _stop_state(self, name: str, _: Changes) -> State | None:
         with suppress(UnknownStopError):
             return {"active": bool(self._engine.stops.get(name))}
         return {"active": False} if name else None
 
-    def _job(self, name: str, _: Changes) -> State | None:
+    def _job_state(self, name: str, _: Changes) -> State | None:
         job = self._state.peripheral_jobs.named(name)
         return {"state": job.status.state.value} if job else None
 

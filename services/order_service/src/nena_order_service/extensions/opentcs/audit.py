@@ -76,13 +76,13 @@ def _changing_request(route: str, request: Request, body: Callable[[], bytes]) -
         operation=operation.name if operation else route,
         kind=kind_of(route.partition(" ")[2]),
         name=str(request.path_params.get("name", "")),
-        body=lambda: _content(request, body()),
+        body=lambda: _content_of(request, body()),
         creates=kind_of(operation.creates) if operation and operation.creates else "",
         joins=operation is not table.INSTANT_ACTION,
     )
 
 
-def _content(request: Request, body: bytes) -> str:
+def _content_of(request: Request, body: bytes) -> str:
     """Return query and body of a request as JSON."""
     query = dict(parse_qsl(request.url.query))
     content: dict[str, Any] = {"query": query} if query else {}

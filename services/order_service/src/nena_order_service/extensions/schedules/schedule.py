@@ -131,8 +131,8 @@ def planned_times(definition: ScheduleRequest, after: datetime) -> Iterator[date
     start = max(filter(None, (after, definition.valid_from)))
     zone = ZoneInfo(definition.time_zone)
     try:
-        for each in CronSim(_at_fixed_hours(definition.cron), (start - SECOND).astimezone(zone)):
-            planned = each.astimezone(UTC)
+        for sim in CronSim(_at_fixed_hours(definition.cron), (start - SECOND).astimezone(zone)):
+            planned = sim.astimezone(UTC)
             if definition.valid_until and planned >= definition.valid_until:
                 return
             if planned > after and planned >= start:  # not so in an hour that occurs for the second time

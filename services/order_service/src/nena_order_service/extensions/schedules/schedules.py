@@ -104,7 +104,7 @@ class Schedules:
 
     def get(self, name: str) -> ScheduleStatus:
         """Return a schedule; raises UnknownScheduleError."""
-        return _named(name, self._visible).status
+        return _schedule_named(name, self._visible).status
 
     async def put(self, name: str, definition: ScheduleRequest) -> tuple[ScheduleStatus, bool]:
         """Create a schedule, or replace its definition; return it, and whether it is new.
@@ -140,7 +140,7 @@ class Schedules:
 
         """
         async with self._one_by_one:
-            definition = _named(name, self._known).schedule.definition
+            definition = _schedule_named(name, self._known).schedule.definition
             if definition.enabled != enabled:
                 changed = definition.model_copy(update={"enabled": enabled})
                 await self._change_definition(name, changed, self._engine.clock.now())
@@ -157,7 +157,7 @@ class Schedules:
 
         """
         async with self._one_by_one:
-            deleted = _named(name, self._known)
+            deleted = _schedule_named(name, self._known)
             self._engine.unit_of_work.require_store()
             with self._engine.unit_of_work.begin():
                 self._put_schedule(name, None)
@@ -312,7 +312,7 @@ class Schedules:
         self._visible = committed
 
 
-def _named(name: str, schedules: dict[str, _Planned]) -> _Planned:
+def _schedule_named(name: str, schedules: dict[str, _Planned]) -> _Planned:
     """Return a schedule; raises UnknownScheduleError."""
     if name not in schedules:
         raise UnknownScheduleError(name)

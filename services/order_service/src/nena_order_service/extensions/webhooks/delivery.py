@@ -177,7 +177,7 @@ class Webhook:
             more = len(page) == PAGE
             for number, order in page:
                 wanted = not self.settings.states or order.status.state in self.settings.states
-                if wanted and not await self._deliver(receiver, number, order.status):
+                if wanted and not await self._deliver_once(receiver, number, order.status):
                     return self._note_failure(order.name)
                 self._known = number
                 if wanted or number - self._stored >= PAGE:  # the same few unwanted ones may be read again
@@ -185,7 +185,7 @@ class Webhook:
         self._note_success()
         return None
 
-    async def _deliver(self, receiver: Receiver, number: int, order: TransportOrderStatus) -> bool:
+    async def _deliver_once(self, receiver: Receiver, number: int, order: TransportOrderStatus) -> bool:
         """Try once; return whether the message is done, because it has arrived or is given up."""
         time, body = self._clock.now(), body_of(order)
         message = id_of(body)
