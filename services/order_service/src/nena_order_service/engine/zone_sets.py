@@ -242,7 +242,7 @@ class ZoneSets:
     def _ended(self, due: Due, end: asyncio.Future[InstantActionEnded]) -> None:
         if not end.cancelled() and end.result().status is not ActionStatus.FINISHED:
             outcome = end.result()
-            words = ": ".join(filter(None, (outcome.reason, outcome.result)))
+            words = ": ".join(filter(None, (str(outcome.reason), outcome.result)))
             self._distribution.note(due.robot, due.zone_set_id, f"{due.step} failed: {words}")
 
     def _knows_zones(self, vehicle: FleetVehicle) -> bool:
