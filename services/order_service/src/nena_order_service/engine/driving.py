@@ -236,11 +236,14 @@ class Mobility:
 
     def why_it_waits(self, name: str) -> Reason | None:
         """Return why a vehicle waits for traffic, and why the states of the others are unreadable."""
-        refusal, why = self._traffic.refusal(name), self._traffic.why_waiting(name)
-        for vehicle in map(self._context.registry.named, refusal.vehicles if refusal else ()):
+        refusal = self._traffic.refusal(name)
+        if refusal is None:
+            return None
+        why = refusal.in_words()
+        for vehicle in map(self._context.registry.named, refusal.vehicles):
             if vehicle and (view := self._context.view(vehicle)).link is LinkStatus.UNREADABLE:
                 why = Reason(R.WAITS_FOR_UNREADABLE, why, view.availability.reason, vehicle=vehicle.name)
-        return Reason(R.IT, why) if why else None
+        return Reason(R.IT, why)
 
 
 @dataclass(frozen=True, slots=True)
@@ -614,7 +617,7 @@ class Driving:
             self._context.fleet.start_vda_order(drive.robot, drive.as_released())
         except RobotBusyError as error:
             name = drive.order_id
-            return VdaOrderFailed(drive.robot, name, str(error), kind=FailureKind.REFUSED)
+            return VdaOrderFailed(drive.robot, name, reason_of(error), kind=FailureKind.REFUSED)
         return None
 
     def _under_way(self, drive: Drive) -> FleetVehicle | None:
