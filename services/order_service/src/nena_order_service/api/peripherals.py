@@ -26,6 +26,7 @@ from nena_shared.fleet_api.peripherals import (
     PeripheralList,
     PeripheralStatus,
 )
+from nena_shared.fleet_api.reasons import Reason
 
 
 class PeripheralOperations:
@@ -93,7 +94,7 @@ class PeripheralOperations:
                 f"peripheral operation {request.operation!r} is not possible at {request.location!r}; "
                 f"possible: {', '.join(possible)}."
             )
-            raise InvalidRequestError([Finding(text)])
+            raise InvalidRequestError([Finding(Reason.of(text))])
         name = request.name or f"{JOB_PREFIX}-{sortable_id()}"
         if self._jobs.named(name):
             raise NameTakenError(name, "Peripheral job")

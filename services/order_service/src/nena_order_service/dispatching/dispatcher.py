@@ -672,7 +672,7 @@ class _Decision:
 def why_no_vehicle(intended: str | None, wait_reasons: Collection[Reason | None]) -> Reason:
     """Return why an order waits, from the reasons of all vehicles."""
     if intended is not None:
-        why = next(iter(wait_reasons), Reason(R.TAKES_NO_ORDERS))
+        why = next(filter(None, wait_reasons), Reason(R.TAKES_NO_ORDERS))
         return Reason(R.WAITS_FOR_VEHICLE, why, vehicle=intended)
     if not wait_reasons:
         return Reason(R.NO_VEHICLES)

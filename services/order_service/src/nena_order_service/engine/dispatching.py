@@ -63,7 +63,7 @@ class Dispatching:
         self._decided_on: dict[str, DispatchedVehicle] = {}
         """The vehicles as they were at the last decision: only other ones are a reason for the next."""
 
-    def decide(self, orders: Sequence[TransportOrder]) -> tuple[list[Dispatched], dict[str, str]]:
+    def decide(self, orders: Sequence[TransportOrder]) -> tuple[list[Dispatched], dict[str, Reason]]:
         """Return the assignments to make, and the wait reasons of the other orders by name.
 
         ``orders`` wait and are not held, the most urgent ones first. A vehicle that first has to give up a

@@ -144,7 +144,7 @@ class IdleVehicles:
             taken=lambda point: self._is_taken(point, vehicle, round_),
             idly_occupied=lambda point: urgent and self._is_idly_occupied(point, vehicle, round_),
         )
-        if not choice.location:
+        if choice.reason:
             record.note = Reason(R.CANNOT_RECHARGE, choice.reason)
             return None
         return recharge_request(vehicle.name, choice.location, choice.operation, dispensable=not urgent)

@@ -314,7 +314,7 @@ class Peripherals:
             self._last[job.status.location] = job
         for job in self._jobs.unfinished():
             if job.status.location not in self._operations:
-                self._fail(job, "the plant model no longer has its device", cancel=True)
+                self._fail(job, Reason.of("the plant model no longer has its device"), cancel=True)
             elif job.status.state is PeripheralJobState.BEING_PROCESSED:
                 self._last[job.status.location] = job
                 self._devices.begin(job.status.location, job.name, self._clock.monotonic())

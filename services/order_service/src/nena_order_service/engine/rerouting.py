@@ -99,7 +99,7 @@ class Rerouting:
         if drive is None:
             return Rerouted(ReroutingOutcome.UNCHANGED, CHOSEN_LATER)
         if drive.cancelled:
-            return Rerouted(ReroutingOutcome.STOPPING, "it is already stopping")
+            return Rerouted(ReroutingOutcome.STOPPING, Reason.of("it is already stopping"))
         if kind is ReroutingType.FORCED:
             return self._force(vehicle, order, drive)
         return self._replan(vehicle, order, drive, Reason(R.BY_REQUEST))
@@ -211,15 +211,15 @@ class Rerouting:
             return Rerouted(ReroutingOutcome.UNCHANGED, Reason(R.OFF_PATHS))
         under_way = _UnderWay(vehicle, drive.released(current), order, base_end)
         try:
-            route, reason = self._claim(under_way)
+            route = self._claim(under_way)
         except (NoRouteError, UnknownObjectError) as error:  # the plant may have lost a place
             return Rerouted(ReroutingOutcome.UNCHANGED, reason_of(error))
-        if route is None:
-            return Rerouted(ReroutingOutcome.UNCHANGED, reason)
+        if isinstance(route, Reason):
+            return Rerouted(ReroutingOutcome.UNCHANGED, route)
         self._send(under_way, route, why)
         return Rerouted(ReroutingOutcome.REROUTED, why, route.points)
 
-    def _claim(self, under_way: _UnderWay) -> tuple[Route | None, str]:
+    def _claim(self, under_way: _UnderWay) -> Route | Reason:
         """Claim the cheapest other route, or one around vehicles at rest; return it, or why there is none.
 
         Raises:
@@ -233,16 +233,16 @@ class Rerouting:
             except NoRouteError:
                 if refusal is None:
                     raise
-                return None, Reason(R.IT, refusal.in_words())
+                return Reason(R.IT, refusal.in_words())
             if route is None or self._is_current(under_way, route):
-                return None, NO_OTHER_WAY
+                return NO_OTHER_WAY
             if problem := self._problem(under_way, route):
-                return None, problem
+                return problem
             is_first, refusal = refusal is None, self._claim_route(under_way, route)
             if refusal is None:
-                return route, ""
+                return route
             if not is_first or refusal.reason is not WaitReason.RESTING:
-                return None, Reason(R.IT, refusal.in_words())
+                return Reason(R.IT, refusal.in_words())
             avoid = self._occupied(refusal) - {under_way.base_end}
 
     def _route(self, under_way: _UnderWay, avoid: frozenset[str]) -> Route | None:

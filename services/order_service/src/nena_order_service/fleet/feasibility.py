@@ -372,10 +372,12 @@ def _action_problems(action: Action, scope: ActionScope, abilities: Abilities) -
         return
     problems = [next(_declaration_problems(action, scope, each), None) for each in declared]
     if all(problems):
-        yield problems[0] or ""
+        yield from filter(None, problems[:1])
 
 
-def _declaration_problems(action: Action, scope: ActionScope, declared: MobileRobotAction) -> Iterator[str]:
+def _declaration_problems(
+    action: Action, scope: ActionScope, declared: MobileRobotAction
+) -> Iterator[Reason]:
     name = action.action_type
     if declared.action_scopes and scope not in declared.action_scopes:
         scopes = ", ".join(declared.action_scopes)

@@ -31,7 +31,7 @@ class NotPossibleError(Exception):
     """openTCS can do this, but NeNa cannot, or not in this way."""
 
 
-FORESEEN: Final = (
+FORESEEN: Final[tuple[type[Exception], ...]] = (
     RequestValidationError,
     ValidationError,
     HTTPException,

@@ -47,7 +47,7 @@ class AuditedRoute(APIRoute):
     def get_route_handler(self) -> Handle:
         """Return what answers requests."""
         handle = super().get_route_handler()
-        (method,) = self.methods or ()
+        (method,) = tuple(self.methods or ())
         if method in READING or self.path.endswith(WITHOUT_EFFECT):
             return handle
 

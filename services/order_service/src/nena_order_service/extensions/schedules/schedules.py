@@ -238,7 +238,7 @@ class Schedules:
             skipped = ScheduleRun(planned=run, **explained(Reason(R.ORDERS_OPEN, count=len(open_orders))))
             self._record_run(self._known[name].schedule.after(skipped, 1))
         for run in due_runs.runs[first:]:
-            late = LATE if time - run > ON_TIME else ""
+            late = LATE if time - run > ON_TIME else None
             await self._create_order(self._known[name].schedule, run, late)
 
     @staticmethod
@@ -246,7 +246,7 @@ class Schedules:
         work = partial(due, schedule.definition, schedule.last, time)
         return await asyncio.to_thread(work) if outage else work()  # a week of minutes takes half a second
 
-    async def _create_order(self, schedule: Schedule, planned: datetime, late: str) -> None:
+    async def _create_order(self, schedule: Schedule, planned: datetime, late: Reason | None) -> None:
         """Create the order of a planned time, or record why it is not created."""
         name = schedule.order_name(planned)
         if await self._engine.store.order(name=name) or self._engine.state.orders.named(name):
