@@ -7,6 +7,7 @@ from typing import Any
 
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.fleet_api.reasons import Reason
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
@@ -36,7 +37,7 @@ def assigned_order(*stops: str, vehicle: str = "V-1", number: int = 1, **fields:
     """Make an order that a vehicle works on."""
     order = dispatchable_order(*stops, number=number, **fields)
     routes = [("A", "B") for _ in order.status.drive_orders]
-    return order.assigned(vehicle, routes, "it is near", NOW)
+    return order.assigned(vehicle, routes, Reason.of("it is near"), NOW)
 
 
 def codes(of: TransportOrder | OrderSequence) -> list[str]:

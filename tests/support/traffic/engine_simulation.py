@@ -183,7 +183,7 @@ class EngineSimulation:
     def _barred(self, robot: DrivingRobot) -> bool:
         """Return whether a robot does not park for the sake of others, which have made room often enough."""
         vehicle = self.engine.registry.of(robot.key)
-        return vehicle is not None and BARRED in self.engine.status(vehicle).reason
+        return vehicle is not None and str(BARRED) in self.engine.status(vehicle).reason
 
     def _parks(self, robot: DrivingRobot) -> bool:
         return self.plant.point(robot.last_node_id).type is PointType.PARK_POSITION
@@ -360,10 +360,10 @@ class EngineSimulation:
         assert self.ends.keys() == {f"{HOSTS}{number}" for number in range(len(self.orders))}
         for order in self.ends.values():
             finished = order.state is TransportOrderState.FINISHED
-            stopped = order.name in self.withdrawn or order.reason == BEGUN_MEANWHILE
+            stopped = order.name in self.withdrawn or order.reason == str(BEGUN_MEANWHILE)
             assert finished or stopped, f"{order.name}: {order.reason}"
         self.finished = sum(order.state is TransportOrderState.FINISHED for order in self.ends.values())
-        self.withdrawn |= {name for name, order in self.ends.items() if order.reason == BEGUN_MEANWHILE}
+        self.withdrawn |= {name for name, order in self.ends.items() if order.reason == str(BEGUN_MEANWHILE)}
 
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Receive a change of an order, as hosts do."""

@@ -154,7 +154,7 @@ def test_fleet_control_may_cancel_a_failed_order(version: str) -> None:
     (end,) = fleet.news(VdaOrderFinished, VdaOrderFailed, VdaOrderCancelled)
     assert isinstance(end, VdaOrderFailed)
     assert end.order_id == order.order_id
-    assert "it always fails" in " ".join((end.reason, *end.details))
+    assert "it always fails" in " ".join((str(end.reason), *end.details))
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)

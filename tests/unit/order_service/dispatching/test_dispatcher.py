@@ -454,7 +454,7 @@ def at(*places: str | None) -> tuple[dict[str, Any], ...]:
     return tuple({"load_id": str(index), "load_position": place} for index, place in enumerate(places))
 
 
-def why(places: tuple[str | None, ...], sheet: Factsheet | None, pick: Pick) -> str:
+def why(places: tuple[str | None, ...], sheet: Factsheet | None, pick: Pick) -> Reason | None:
     found = carried(state(loads=at(*places)), sheet)
     assert found
     return found.why_no_room(pick)

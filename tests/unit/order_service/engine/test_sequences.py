@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from nena_order_service.engine.conditions import Sequences
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.fleet_api.reasons import Reason
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest
 from nena_shared.plant import PlantModel
 from support.order_service import NOW, raw_order
@@ -25,7 +26,7 @@ class Bench:
         return order
 
     def fail(self, order: TransportOrder) -> tuple[list[str], str | None]:
-        ended = order.failed("broken", NOW)
+        ended = order.failed(Reason.of("broken"), NOW)
         self.orders.put(ended)
         failed, following = self.sequences.ended(ended)
         return [each.name for each in failed], following

@@ -60,7 +60,7 @@ def test_consecutive_versions_in_one_state_are_published_once() -> None:
     book = state.orders
     order = dispatchable_order()
     deferred = order.deferred(Reason.of("nobody is free"), NOW)
-    assigned = deferred.assigned("V", [("A",)], "near", NOW)
+    assigned = deferred.assigned("V", [("A",)], Reason.of("near"), NOW)
     for version in (order, deferred, assigned):
         book.put(version)
     assert take(state)[1] == [deferred, assigned]
@@ -88,7 +88,7 @@ def test_queue_has_waiting_orders_by_urgency(numbers: list[int], priorities: lis
     for number in numbers:
         book.put(orders[number])
     for number in numbers[:2]:
-        book.put(orders[number].failed("x", NOW))
+        book.put(orders[number].failed(Reason.of("x"), NOW))
     for number in numbers[2:]:
         orders[number] = orders[number].deferred(Reason.of("nobody is free"), NOW)
         book.put(orders[number])

@@ -10,6 +10,7 @@ from nena_order_service.fleet.controller import RETAINED_WITHIN, FleetController
 from nena_order_service.fleet.outputs import InstantActionEnded, PublishInstantActions
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.settings import FleetSettings
+from nena_shared.fleet_api.reasons import Reason
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import OperatingMode
@@ -154,9 +155,10 @@ def test_a_new_leader_asks_a_robot_and_pauses_it_before_it_has_reported() -> Non
 def test_a_new_leader_says_why_the_states_of_a_robot_are_unreadable() -> None:
     bench = Bench().online()
     reconnect(bench, unread=True)
-    tuple(bench.control.on_unreadable_state("sends states that are unreadable: nodeStates", None, bench.now))
+    problem = Reason.of("sends states that are unreadable: nodeStates")
+    tuple(bench.control.on_unreadable_state(problem, None, bench.now))
     assert bench.view().link is LinkStatus.UNREADABLE
-    assert str(bench.view().availability.reason) == "sends states that are unreadable: nodeStates"
+    assert bench.view().availability.reason == problem
 
 
 def test_a_robot_that_was_never_heard_can_be_paused() -> None:

@@ -13,6 +13,7 @@ from nena_order_service.fleet.outputs import PublishOrder, RobotChanged, VdaOrde
 from nena_order_service.fleet.robot import LinkStatus, VdaOrderPhase
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.vda_order import VdaOrder, released_to
+from nena_shared.fleet_api.reasons import Reason
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.state import NodeState, OperatingMode, State
@@ -63,7 +64,7 @@ def test_messages_that_cannot_be_read_are_counted_by_robot() -> None:
 
 def test_a_robot_whose_states_cannot_be_read_is_not_silent() -> None:
     bench = Bench().online()
-    problem = "sends states that are unreadable: orderId: is missing"
+    problem = Reason.of("sends states that are unreadable: orderId: is missing")
     bench.now += bench.settings.silent_after + 1.0
     tuple(bench.control.on_malformed(problem, bench.now))
     view = bench.view()
@@ -75,19 +76,19 @@ def test_a_robot_whose_states_cannot_be_read_is_not_silent() -> None:
 def test_a_robot_with_only_unreadable_messages_is_known() -> None:
     bench = Bench()
     bench.fleet.on_broker(connected=True, now=bench.now)
-    problem = "sends states that are unreadable: message: Invalid JSON (received 'x')"
+    problem = Reason.of("sends states that are unreadable: message: Invalid JSON (received 'x')")
     tuple(bench.control.on_malformed(problem, bench.now))
-    assert str(bench.view().availability.reason) == problem
+    assert bench.view().availability.reason == problem
     bench.online()
     assert bench.view().link is LinkStatus.ONLINE
-    assert "cannot be read" not in str(bench.view().availability.reason or "")
+    assert "cannot be read" not in str(bench.view().availability.reason)
 
 
 def test_a_changed_quoted_value_is_not_a_new_problem() -> None:
     bench = Bench()
     problem = "sends states that are unreadable: orderId: no text (received {})"
-    assert tuple(bench.control.on_malformed(problem.format(1), bench.now))
-    assert not tuple(bench.control.on_malformed(problem.format(2), bench.now))
+    assert tuple(bench.control.on_malformed(Reason.of(problem.format(1)), bench.now))
+    assert not tuple(bench.control.on_malformed(Reason.of(problem.format(2)), bench.now))
 
 
 def test_all_are_known_when_every_connected_robot_has_reported() -> None:

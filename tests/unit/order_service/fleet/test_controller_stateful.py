@@ -129,7 +129,7 @@ class Conversation(RuleBasedStateMachine):
         if isinstance(output, VdaOrderFinished):
             assert name in self.completed, "told as finished, but the robot has not done it"
         if isinstance(output, VdaOrderFailed):
-            assert self.robot_forgot or "no longer has" not in str(output.reason or ""), (
+            assert self.robot_forgot or "no longer has" not in str(output.reason), (
                 "told as lost, but it was not"
             )
         if isinstance(output, VdaOrderCancelled):

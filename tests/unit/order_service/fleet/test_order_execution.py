@@ -19,6 +19,7 @@ from nena_order_service.fleet.outputs import (
 )
 from nena_order_service.fleet.robot import VdaOrderPhase
 from nena_order_service.fleet.settings import FleetSettings
+from nena_shared.fleet_api.reasons import Reason
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType, error
@@ -656,9 +657,9 @@ def test_an_unsent_order_ends_without_the_robot() -> None:
     assert run.ended
 
     unfit = fresh()
-    told = unfit.refuse("it is too heavy")
+    told = unfit.refuse(Reason.of("it is too heavy"))
     assert isinstance(told, VdaOrderFailed)
-    assert (told.kind, told.reason, unfit.ended) == (FailureKind.UNFIT, "it is too heavy", True)
+    assert (told.kind, told.reason, unfit.ended) == (FailureKind.UNFIT, Reason.of("it is too heavy"), True)
 
 
 def test_possibly_sent_orders_are_cancelled_after_a_restart() -> None:

@@ -11,6 +11,7 @@ from nena_order_service.fleet.outputs import (
 )
 from nena_order_service.fleet.statistics import ACTIONS_REMEMBERED, FleetStatistics
 from nena_order_service.fleet.vda_order import VdaOrder
+from nena_shared.fleet_api.reasons import Reason
 from nena_shared.vda5050.action import Action, BlockingType
 from nena_shared.vda5050.topics import RobotKey, Topic
 
@@ -50,7 +51,9 @@ def test_each_end_is_counted_and_its_data_dropped() -> None:
     for name in ("a", "b"):
         statistics.begun(name, 0.0)
     statistics.happened(VdaOrderCancelled(ROBOT, "a"), 1.0)
-    statistics.happened(VdaOrderFailed(ROBOT, "b", "it was refused", kind=FailureKind.REFUSED), 1.0)
+    statistics.happened(
+        VdaOrderFailed(ROBOT, "b", Reason.of("it was refused"), kind=FailureKind.REFUSED), 1.0
+    )
 
     assert statistics.ended == {"finished": 0, "cancelled": 1, "failed": 1}
     assert statistics.failures[FailureKind.REFUSED] == 1

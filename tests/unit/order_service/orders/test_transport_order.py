@@ -147,7 +147,7 @@ def test_a_withdrawn_order_reports_what_it_waits_for_and_why() -> None:
 
 
 def test_unroutable_is_final() -> None:
-    order = raw_order().unroutable("no way", NOW)
+    order = raw_order().unroutable(Reason.of("no way"), NOW)
     assert (order.state, order.status.reason) == (S.UNROUTABLE, "no way")
     with pytest.raises(IllegalTransitionError):
         order.activated()
@@ -192,10 +192,10 @@ def test_ended_orders_never_change(change: Callable[[TransportOrder], TransportO
 
 
 def test_a_rerouting_is_recorded_with_its_reason() -> None:
-    order = assigned_order("A", "B").rerouted(("A", "C"), "a path was locked", NOW)
+    order = assigned_order("A", "B").rerouted(("A", "C"), Reason.of("a path was locked"), NOW)
     assert order.status.drive_orders[0].route == ("A", "C")
     assert order.status.drive_orders[1].route == ("A", "B")
-    assert order.rerouted(None, "forced", NOW).status.drive_orders == order.status.drive_orders
+    assert order.rerouted(None, Reason.of("forced"), NOW).status.drive_orders == order.status.drive_orders
     assert order.status.history[-1].event_code == EventCode.REROUTED
     assert order.status.history[-1].supplements == ("a path was locked",)
 
@@ -362,7 +362,9 @@ def test_another_vehicle_continues_where_the_first_one_stopped() -> None:
     assert (order.state, order.vehicle, order.index) == (TransportOrderState.DISPATCHABLE, None, 1)
     assert order.status.excluded_vehicles == ("V-1",)
 
-    order = order.assigned("V-2", [("A", "B"), ("B", "C")], "it is near", NOW + timedelta(seconds=5))
+    order = order.assigned(
+        "V-2", [("A", "B"), ("B", "C")], Reason.of("it is near"), NOW + timedelta(seconds=5)
+    )
     states = [each.state for each in order.status.drive_orders]
     assert states == [DriveOrderState.FINISHED, DriveOrderState.TRAVELLING, DriveOrderState.PRISTINE]
     assert order.status.assigned == NOW
@@ -377,8 +379,8 @@ def test_a_skipped_operation_counts_as_failed_in_a_finished_order() -> None:
 
 
 def test_each_replan_avoids_more() -> None:
-    order = assigned_order().replanned(1, "blocked", now=NOW, avoided=("A --- B", "B"))
-    order = order.replanned(2, "blocked", now=NOW, avoided=("A --- C",))
+    order = assigned_order().replanned(1, Reason.of("blocked"), now=NOW, avoided=("A --- B", "B"))
+    order = order.replanned(2, Reason.of("blocked"), now=NOW, avoided=("A --- C",))
 
     assert order.resources_to_avoid == {"A --- B", "B", "A --- C"}
     assert order.status.history[-1].supplements == ("blocked; avoids A --- C",)

@@ -29,6 +29,7 @@ from nena_order_service.store.database import (
     write,
 )
 from nena_order_service.store.schema import StoreError, make_engine, open_database
+from nena_shared.fleet_api.reasons import Reason
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderState
 from support.order_service import NOW, assigned_order, dispatchable_order
 from support.stores import changes
@@ -151,12 +152,12 @@ def test_key_goes_before_name(url: str) -> None:
 def test_the_last_version_of_a_commit_has_the_whole_history(url: str) -> None:
     engine = open_database(url)
     first = dispatchable_order()
-    second = first.deferred("nobody is free", NOW)
-    third = second.deferred("all are offline", NOW)
+    second = first.deferred(Reason.of("nobody is free"), NOW)
+    third = second.deferred(Reason.of("all are offline"), NOW)
     write(engine, changes((first, None), (second, first)))
     write(engine, changes((third, second)))
     assert read_order(engine, name=first.name) == third
-    done = third.assigned("V-1", [("A",)], "near", NOW).finished(NOW)
+    done = third.assigned("V-1", [("A",)], Reason.of("near"), NOW).finished(NOW)
     write(engine, changes((done, third)))
     assert read_order(engine, name=first.name) == done
 
@@ -164,8 +165,8 @@ def test_the_last_version_of_a_commit_has_the_whole_history(url: str) -> None:
 def test_merged_changes_write_what_the_single_ones_would(url: str) -> None:
     engine = open_database(url)
     first = dispatchable_order()
-    second = first.deferred("nobody is free", NOW)
-    third = second.deferred("all are offline", NOW)
+    second = first.deferred(Reason.of("nobody is free"), NOW)
+    third = second.deferred(Reason.of("all are offline"), NOW)
     both = changes((first, None))
     both.merge(changes((second, first)))
     both.merge(changes((third, second)))
@@ -294,7 +295,7 @@ def test_changes_after_a_number_are_in_sequence_with_each_order_once(url: str) -
     made = changes((one, None), (two, None), (three, None))
     assert made.numbered(0) == 3
     write(engine, made)
-    again = changes((one.failed("withdrawn", NOW), one))
+    again = changes((one.failed(Reason.of("withdrawn"), NOW), one))
     assert again.numbered(3) == 4
     write(engine, again)
     found = read_changes(engine, 1, 10)
@@ -331,7 +332,7 @@ def test_nothing_is_nothing_and_anything_is_something() -> None:
 def test_the_last_version_of_an_order_counts_and_it_stays_new() -> None:
     changes = Changes()
     first = dispatchable_order()
-    second = first.deferred("no vehicle", NOW)
+    second = first.deferred(Reason.of("no vehicle"), NOW)
     changes.put_order(first, None)
     changes.put_order(second, first)
 
@@ -341,7 +342,7 @@ def test_the_last_version_of_an_order_counts_and_it_stays_new() -> None:
 
 def test_history_that_is_stored_is_not_written_again() -> None:
     stored = dispatchable_order()
-    later = stored.deferred("no vehicle", NOW)
+    later = stored.deferred(Reason.of("no vehicle"), NOW)
     changes = Changes()
     changes.put_order(later, stored)
 
@@ -355,8 +356,8 @@ def test_history_that_is_stored_is_not_written_again() -> None:
 
 def test_later_changes_replace_earlier_ones() -> None:
     stored = dispatchable_order()
-    one = stored.deferred("no vehicle", NOW)
-    two = one.deferred("no way", NOW)
+    one = stored.deferred(Reason.of("no vehicle"), NOW)
+    two = one.deferred(Reason.of("no way"), NOW)
     changes, later = (
         Changes(drives={"r": DriveRow(1, lambda: "sent")}, path_locks={"p": True}),
         Changes(drives={"r": None}),

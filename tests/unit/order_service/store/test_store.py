@@ -15,6 +15,7 @@ from nena_order_service.store.database import Changes
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.schema import StoreLostError, open_database
 from nena_order_service.store.store import ChangeNumbers, Store
+from nena_shared.fleet_api.reasons import Reason
 from support.order_service import NOW, dispatchable_order
 from support.pausing import turn_passes
 from support.stores import changes
@@ -77,7 +78,7 @@ async def test_changes_of_one_order_while_it_is_written_are_all_kept(make_store:
         for number in range(50):
             before, order = order, last
             store.commit(change(order, before), lambda: None)
-            last = order.deferred(f"reason {number}", NOW)
+            last = order.deferred(Reason.of(f"reason {number}"), NOW)
             await turn_passes()
         assert await store.drain(PATIENCE)
         assert await store.order(name="T-1") == order
@@ -192,10 +193,10 @@ def test_each_change_has_the_next_number_and_all_versions_of_a_step_have_one() -
     numbers = ChangeNumbers()
     numbers.begin(7)
     first = dispatchable_order()
-    second = first.deferred("nobody is free", NOW)
+    second = first.deferred(Reason.of("nobody is free"), NOW)
     numbers.give(changes((second, None)))
     numbers.give(changes((dispatchable_order(number=2), None)))
-    third = second.failed("withdrawn", NOW)
+    third = second.failed(Reason.of("withdrawn"), NOW)
     numbers.give(changes((third, second)))
     assert numbers.last == 10
     versions = [order.status.version for order in (first, second, third)]

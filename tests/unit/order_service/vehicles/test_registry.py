@@ -134,7 +134,7 @@ def status(robot: RobotView, *, order: str | None = None, profile: RobotProfile 
         order_types=ANY_ORDER_TYPE,
         transport_order=order,
         order_sequence=None,
-        reason="because",
+        reason=Reason.of("because"),
     )
     return vehicle_status(vehicle, robot, told, last_state=None)
 

@@ -82,8 +82,10 @@ def test_dispatch_is_recorded_with_its_reasons_once(recorded: Recorded) -> None:
     waits = dispatchable_order()
     deferred = waits.deferred(Reason.of("all are busy"), NOW)
     again = deferred.deferred(Reason.of("V-1 is charging"), NOW)
-    order = again.assigned("V-1", [("A", "B")], "it is near", NOW)
-    recorded.order(waits, deferred, again, order, order.rerouted(("A", "C", "B"), "a path is locked", NOW))
+    order = again.assigned("V-1", [("A", "B")], Reason.of("it is near"), NOW)
+    recorded.order(
+        waits, deferred, again, order, order.rerouted(("A", "C", "B"), Reason.of("a path is locked"), NOW)
+    )
 
     assert [each["explanation"] for each in recorded.decisions("dispatch")] == [
         ["all are busy"],
@@ -106,7 +108,7 @@ def test_dispatch_is_recorded_with_its_reasons_once(recorded: Recorded) -> None:
 
 def test_a_withdrawal_is_recorded_and_is_no_failure(recorded: Recorded) -> None:
     withdrawn = assigned_order().withdrawn("the host has changed its mind", NOW)
-    recorded.order(assigned_order(), withdrawn, withdrawn.failed("withdrawn: released", NOW))
+    recorded.order(assigned_order(), withdrawn, withdrawn.failed(Reason.of("withdrawn: released"), NOW))
 
     (decision,) = recorded.decisions("withdrawal")
     assert (decision["order"], decision["explanation"]) == ("T-1", ["the host has changed its mind"])
@@ -114,7 +116,7 @@ def test_a_withdrawal_is_recorded_and_is_no_failure(recorded: Recorded) -> None:
 
 
 def test_a_failed_order_starts_a_recording(recorded: Recorded) -> None:
-    failed = assigned_order().failed("no path", NOW)
+    failed = assigned_order().failed(Reason.of("no path"), NOW)
     recorded.order(assigned_order(), failed)
 
     assert recorded.decisions("orders")[-1]["reason"] == "no path"
@@ -132,7 +134,7 @@ def test_a_withdrawal_before_the_assignment_is_recorded_and_starts_none(recorded
 
 def test_waits_of_orders_are_recorded_without_an_event(recorded: Recorded) -> None:
     order = assigned_order()
-    recorded.order(order, order.with_wait_reason("V-2 stands at B"))
+    recorded.order(order, order.with_wait_reason(Reason.of("V-2 stands at B")))
 
     assert "V-2 stands at B" in recorded.decisions("orders")[-1]["reason"]
 
@@ -181,7 +183,7 @@ def test_messages_to_robots_are_recorded_with_base_and_horizon(recorded: Recorde
     recorder.published(Topic.ORDER, outputs.PublishOrder(ROBOT, order, 3))
     recorder.published(Topic.INSTANT_ACTIONS, outputs.PublishInstantActions(ROBOT, (pause,)))
     recorder.happened(outputs.VdaOrderAccepted(ROBOT, "T-1-0"))
-    recorder.happened(outputs.VdaOrderFailed(ROBOT, "T-1-0", "blocked", ("FATAL motor",)))
+    recorder.happened(outputs.VdaOrderFailed(ROBOT, "T-1-0", Reason.of("blocked"), ("FATAL motor",)))
 
     sent, paused, accepted, failed = recorded.decisions("delivery")
     assert sent == {
@@ -217,7 +219,7 @@ def test_stops_from_before_the_start_start_no_recording(recorded: Recorded) -> N
     recorded.recorder.vehicle_changed(vehicle_status(stop=stop))
     assert recorded.started == []
 
-    recorded.order(assigned_order(), assigned_order().failed("no path", NOW))
+    recorded.order(assigned_order(), assigned_order().failed(Reason.of("no path"), NOW))
     assert recorded.started == ["order-failed"]
 
 

@@ -84,7 +84,7 @@ def test_an_ended_order_is_told_by_its_history() -> None:
 
 
 def test_a_failed_order_says_why() -> None:
-    ended = dispatchable_order().failed("no vehicle", NOW)
+    ended = dispatchable_order().failed(Reason.of("no vehicle"), NOW)
     assert [each.error for each in order_spans(ended.status)] == ["no vehicle"]
 
 
@@ -96,8 +96,10 @@ def test_an_order_that_never_had_a_vehicle_shows_its_withdrawal() -> None:
 
 
 def test_each_wait_for_a_vehicle_is_a_span() -> None:
-    order = assigned_order("A", vehicle="V-1").reassigned(0, "V-1 is broken", NOW + later(5))
-    again = order.assigned("V-2", [("A", "B")], "it is free", NOW + later(7)).finished(NOW + later(8))
+    order = assigned_order("A", vehicle="V-1").reassigned(0, Reason.of("V-1 is broken"), NOW + later(5))
+    again = order.assigned("V-2", [("A", "B")], Reason.of("it is free"), NOW + later(7)).finished(
+        NOW + later(8)
+    )
     _, first, second = order_spans(again.status)
     assert (second.begin, second.end) == (NOW + later(5), NOW + later(7))
     assert [each.attributes["nena.vehicle"] for each in (first, second)] == ["V-1", "V-2"]
@@ -153,7 +155,7 @@ def test_a_vda_order_is_planned_delivered_and_executed() -> None:
     ("end", "outcome", "error"),
     [
         (VdaOrderCancelled(ROBOT, "T-1-0"), "cancelled", ""),
-        (VdaOrderFailed(ROBOT, "T-1-0", "it was refused"), "failed", "it was refused"),
+        (VdaOrderFailed(ROBOT, "T-1-0", Reason.of("it was refused")), "failed", "it was refused"),
     ],
 )
 def test_each_end_of_a_vda_order_is_told_once(end: FleetOutput, outcome: str, error: str) -> None:
