@@ -268,7 +268,7 @@ class ScriptedFleet:
         """Fail a robot's VDA order; by default the robot stays where it is."""
         vda_order = self.missions.pop(key(name))
         self.at[name] = at or self.at[name]
-        self._tell(VdaOrderFailed(key(name), vda_order.order_id, reason, ("FATAL wheel",), kind))
+        self._tell(VdaOrderFailed(key(name), vda_order.order_id, Reason.of(reason), ("FATAL wheel",), kind))
         self._tell(RobotChanged(key(name)))
 
     def fail_operation(self, name: str) -> None:
@@ -288,11 +288,11 @@ class ScriptedFleet:
         """Fail an action of a robot's VDA order that may be retried."""
         vda_order = self.missions[key(name)]
         failed = vda_order.actions[0].action_id
-        self._tell(ActionRetriable(key(name), vda_order.order_id, failed, "the action has failed"))
+        self._tell(ActionRetriable(key(name), vda_order.order_id, failed, Reason.of("the action has failed")))
 
     def answer_instant(self, name: str, status: ActionStatus) -> None:
         """End the last instant action that was sent to a robot."""
-        self._tell(InstantActionEnded(key(name), self.instants[-1], status, "done"))
+        self._tell(InstantActionEnded(key(name), self.instants[-1], status, Reason.of("done")))
 
     def confirm_cancel(self, name: str) -> None:
         """Confirm the cancellation of a robot's VDA order."""

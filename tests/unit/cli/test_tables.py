@@ -9,6 +9,7 @@ from nena_cli.tables import history_table, sequence_details, sequences_table
 from nena_cli.watching import ENDED_SHOWN, Board
 from nena_client import Event
 from nena_order_service.orders.order_sequence import OrderSequence
+from nena_shared.fleet_api.reasons import Reason
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.fleet_api.transport_order import (
     DeliveryPhase,
@@ -92,7 +93,7 @@ def test_vehicles_that_wait_in_a_circle_are_named() -> None:
 def test_board_shows_the_newest_of_each_and_lets_old_ends_go() -> None:
     board = Board(TransportOrderStatus, tables.orders_table)
     for number in range(ENDED_SHOWN + 5):
-        order = dispatchable_order(number=number).failed("withdrawn", NOW)
+        order = dispatchable_order(number=number).failed(Reason.of("withdrawn"), NOW)
         board.take(Event("transportOrder", None, order.status.model_dump(mode="json", by_alias=True)))
     waiting = dispatchable_order(number=99).status.model_dump(mode="json", by_alias=True)
     for _ in range(2):
