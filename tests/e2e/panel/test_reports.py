@@ -53,10 +53,10 @@ async def test_figures_are_those_of_the_hand_count(hall: Hall, browser: Browser,
     options = recorded_shift(tmp_path)
     async with hall.connected(*options):
         hall.publish_plant()
-        hall.send(Topic.CONNECTION, connection(), retain=True)
-        hall.send(Topic.STATE, state(at=seconds_now()))
         async with opened(browser, link(hall), timezone="UTC") as page:
             await expect(page.locator(".figures")).to_be_visible()
+            hall.send(Topic.CONNECTION, connection(), retain=True)  # a robot that is known after its report
+            hall.send(Topic.STATE, state(at=seconds_now()))
             figures = {
                 "Finished orders": "4",
                 "Failed orders": "2",

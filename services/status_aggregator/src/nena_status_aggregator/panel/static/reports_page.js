@@ -27,15 +27,20 @@ const RANGES = {
 
 class ReportsPage extends HTMLElement {
   #loading = new AbortController(); // of the last report
+  #report = null;
+  #robots = 0; // robots that were known when the report was shown
 
   /** Attach to `fleet`: {store}. */
   show(fleet) {
     this.store = fleet.store;
+    // The names and links of robots may become known after their report.
+    this.store.addEventListener("change", () => this.#report && this.#robots !== this.store.robots.size && this.#showReport());
   }
 
   /** Show the page; null hides it. */
   open(view) {
     this.#loading.abort();
+    this.#report = null;
     if (view === null) return this.replaceChildren();
     const presets = [...Object.keys(RANGES), "given"].map((name) => [name, t(`reports.${name}`)]);
     this.preset = select(presets, { name: "range" });
@@ -78,6 +83,7 @@ class ReportsPage extends HTMLElement {
   async #load({ since, until }) {
     this.#loading.abort();
     const { signal } = (this.#loading = new AbortController());
+    this.#report = null;
     this.results.replaceChildren();
     this.files.replaceChildren();
     const problem = problemOf(since, until);
@@ -97,7 +103,14 @@ class ReportsPage extends HTMLElement {
     this.files.replaceChildren(...["", ".csv"].map((form) => download(form, query)));
     this.note.replaceChildren(...notesOn(body, since).map((text) => element("span", { class: "detail" }, text)));
     this.#send(body, false);
-    if (body.recordedSince) this.results.replaceChildren(...this.#sections(body));
+    if (!body.recordedSince) return;
+    this.#report = body;
+    this.#showReport();
+  }
+
+  #showReport() {
+    this.#robots = this.store.robots.size;
+    this.results.replaceChildren(...this.#sections(this.#report));
   }
 
   // Show the waiting times on the map, if its layer is on; `reveal`: switch it on.
