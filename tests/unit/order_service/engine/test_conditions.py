@@ -307,7 +307,7 @@ async def _restarted(site: Site, store: MemoryStore) -> Site:
     again.fleet.cancelled = site.fleet.cancelled
     again.ends = site.ends | again.ends  # an order may give way as soon as the vehicles are back
     again.begun = [*site.begun, *(each for each in again.begun if each not in site.begun)]
-    again.sequences = site.sequences
+    again.sequences = site.sequences | again.sequences
     return again
 
 
@@ -331,12 +331,15 @@ def _act(step: str, site: Site, asked: dict[str, dict[str, Any]], chance: Random
 
 def _create(step: str, site: Site, asked: dict[str, dict[str, Any]], chance: Random) -> None:
     fields: dict[str, Any] = {"dispensable": chance.random() < 0.2}
-    if asked and chance.random() < 0.5:
-        fields["dependencies"] = chance.sample(list(asked), min(len(asked), 2))
-        fields["onDependencyFailure"] = chance.choice(["FAIL", "IGNORE"])
     opened = [name for name, sequence in site.sequences.items() if not sequence.complete]
+    earlier = list(asked)
     if step == "member" and opened:
-        fields["wrappingSequence"] = chance.choice(opened)
+        sequence = fields["wrappingSequence"] = chance.choice(opened)
+        if len(site.sequences) > 1:  # both vehicles may be bound to sequences that wait for an order outside
+            earlier = [order for order in asked if asked[order].get("wrappingSequence") == sequence]
+    if earlier and chance.random() < 0.5:
+        fields["dependencies"] = chance.sample(earlier, min(len(earlier), 2))
+        fields["onDependencyFailure"] = chance.choice(["FAIL", "IGNORE"])
     name = f"T-{len(asked)}"
     asked[name] = fields
     site.create(name, chance.choice("ABCDPQ"), **fields)
