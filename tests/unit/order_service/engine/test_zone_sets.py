@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
+from dataclasses import replace
+
 import pytest
 
+from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.errors import UnknownZoneSetError, ZoneSetChangedError
+from nena_order_service.fleet.outputs import InstantActionEnded
+from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.service import OrderService
+from nena_shared.fleet_api.reasons import Reason
+from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
+from nena_shared.vda5050.state import RobotZoneSetStatus, ZoneSetState
+from support.fleet_records import state
 from support.zones import zone, zone_set
 
 ZONE = zone("z", "BLOCKED", 0, 1)
@@ -31,3 +41,29 @@ async def test_a_zone_set_never_changes_but_may_be_restored(service: OrderServic
     assert (back.deleted, back.enabled) == (False, False)
     with pytest.raises(UnknownZoneSetError, match="night"):
         service.hosts.zones.get("night")
+
+
+async def test_a_robot_that_cannot_enable_a_zone_set_is_shown_with_its_reason(
+    service: OrderService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """State and answer of the robot are made up."""
+    await service.hosts.zones.put(zone_set(ZONE, zone_set_id="day"))
+    await service.hosts.zones.enable("day")
+    stored = ZoneSetState(map_id="hall", zone_set_id="day", zone_set_status=RobotZoneSetStatus.DISABLED)
+    vehicle = next(iter(service.engine.registry))
+    last = replace(
+        service.engine.view(vehicle),
+        link=LinkStatus.ONLINE,
+        state=state(version="3.0.0", zone_sets=(stored,)),
+    )
+    answer: asyncio.Future[InstantActionEnded] = asyncio.Future()
+    monkeypatch.setattr(Engine, "view", lambda *_: last)
+    monkeypatch.setattr(Engine, "send_instant_action", lambda *_: answer)
+    service.hosts.zones.look()
+    enable = Action(action_type="enableZoneSet", action_id="1", blocking_type=BlockingType.NONE)
+    reason = Reason.of("the action failed")
+    failure = InstantActionEnded(vehicle.key, enable, ActionStatus.FAILED, reason, result="no such map")
+    asyncio.get_running_loop().call_soon(answer.set_result, failure)
+    await answer
+    (shown, *_) = service.hosts.zones.get("day").vehicles
+    assert shown.note == "enableZoneSet failed: the action failed: no such map"
