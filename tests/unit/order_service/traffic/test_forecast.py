@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.traffic.forecast import Drive, Forecast
+from nena_order_service.traffic.forecast import ExpectedDrive, Forecast
 from nena_order_service.traffic.resources import ResourceSet
 
 
@@ -14,9 +14,9 @@ def sets(*names: str) -> tuple[ResourceSet, ...]:
 
 def test_vehicles_enter_a_free_resource_in_waiting_order() -> None:
     drives = {
-        "first": Drive(sets("A"), sets("X", "B"), 0, (1.0, 1.0)),
-        "second": Drive(sets("C"), sets("X", "D"), 0, (1.0, 1.0)),
-        "third": Drive(sets("E"), sets("X", "F"), 0, (1.0, 1.0)),
+        "first": ExpectedDrive(sets("A"), sets("X", "B"), 0, (1.0, 1.0)),
+        "second": ExpectedDrive(sets("C"), sets("X", "D"), 0, (1.0, 1.0)),
+        "third": ExpectedDrive(sets("E"), sets("X", "F"), 0, (1.0, 1.0)),
     }
 
     found = Forecast(drives)
@@ -28,7 +28,10 @@ def test_vehicles_enter_a_free_resource_in_waiting_order() -> None:
 
 def test_two_vehicles_that_block_each_other_have_no_arrivals() -> None:
     found = Forecast(
-        {"v": Drive(sets("A"), sets("B"), 0, (1.0,)), "w": Drive(sets("B"), sets("A"), 0, (1.0,))}
+        {
+            "v": ExpectedDrive(sets("A"), sets("B"), 0, (1.0,)),
+            "w": ExpectedDrive(sets("B"), sets("A"), 0, (1.0,)),
+        }
     )
 
     assert (found.arrivals("v"), found.arrivals("w")) == ((), ())
@@ -36,6 +39,6 @@ def test_two_vehicles_that_block_each_other_have_no_arrivals() -> None:
 
 @pytest.mark.parametrize(("horizon", "known"), [(2.5, 2), (60.0, 4)])
 def test_nothing_is_forecast_beyond_the_horizon(horizon: float, known: int) -> None:
-    found = Forecast({"v": Drive(sets("A"), sets("B", "C", "D", "E"), 1, (1.0,) * 4)}, horizon)
+    found = Forecast({"v": ExpectedDrive(sets("A"), sets("B", "C", "D", "E"), 1, (1.0,) * 4)}, horizon)
 
     assert len(found.arrivals("v")) == known

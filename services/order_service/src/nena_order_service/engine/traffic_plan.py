@@ -10,7 +10,7 @@ from nena_order_service.engine.context import Context
 from nena_order_service.engine.driving import Driving
 from nena_order_service.engine.positions import box_of
 from nena_order_service.fleet.position import NotLocatedError
-from nena_order_service.traffic.forecast import HORIZON, Drive, Forecast, Pace
+from nena_order_service.traffic.forecast import HORIZON, ExpectedDrive, Forecast, Pace
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.traffic import PlannedPoint, TrafficPlan, VehiclePlan
@@ -38,7 +38,7 @@ class TrafficPlans:
         )
         return TrafficPlan(time=self._context.clock.now(), horizon=horizon, vehicles=tuple(plans))
 
-    def _plan(self, vehicle: FleetVehicle, drive: Drive, arrivals: Sequence[float]) -> VehiclePlan:
+    def _plan(self, vehicle: FleetVehicle, drive: ExpectedDrive, arrivals: Sequence[float]) -> VehiclePlan:
         """Return the plan of a vehicle that arrives at its next points after so many seconds."""
         route, at = self._traffic.route_of(vehicle.name), self._traffic.point(vehicle.name)
         ahead: list[PlannedPoint] = []
@@ -68,13 +68,13 @@ class TrafficPlans:
         number = self._context.state.drives.order_number(vehicle.key)
         return None if number is None else self._context.state.orders.get(number).name
 
-    def _drive(self, vehicle: FleetVehicle, horizon: float) -> Drive:
+    def _drive(self, vehicle: FleetVehicle, horizon: float) -> ExpectedDrive:
         """Return the steps that a vehicle could drive within the horizon, seconds."""
         name = vehicle.name
         route, held = self._traffic.route_of(name), self._traffic.held(name)
         refusal = self._traffic.refusal(name)
         if route is None:
-            return Drive(held, refusal=refusal)
+            return ExpectedDrive(held, refusal=refusal)
         at, seconds, in_all = self._traffic.point(name), list[float](), 0.0
         seconds_along = self._pace.of(vehicle.model, self._context.view(vehicle).factsheet)
         allocated = route.allocated - route.reached
@@ -87,7 +87,7 @@ class TrafficPlans:
             in_all += seconds[-1]
             at = each.point
         ahead = route.way[route.reached : route.reached + len(seconds)]
-        return Drive(held, ahead, allocated, tuple(seconds), box_of(vehicle).length_mm, refusal)
+        return ExpectedDrive(held, ahead, allocated, tuple(seconds), box_of(vehicle).length_mm, refusal)
 
     def _left_mm(self, vehicle: FleetVehicle, step: ResourceSet) -> float:
         """Return the remaining length of the path to the next point, mm, by the robot's reported position."""

@@ -24,7 +24,7 @@ HORIZON: Final = 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class ExpectedDrive:
     """The near future of a vehicle: the sets that it holds, and those ahead of it.
 
     The first ``allocated`` sets ``ahead`` are among the held ones. ``seconds`` has the travel time to each
@@ -43,7 +43,7 @@ class Drive:
 class _Course:
     """One vehicle in the forecast."""
 
-    drive: Drive
+    drive: ExpectedDrive
     held: deque[ResourceSet]
     reached: int = 0
     """Number of sets ahead that it has reached."""
@@ -53,7 +53,7 @@ class _Course:
 class Forecast:
     """Drives vehicles along their routes, in forecast time only."""
 
-    def __init__(self, drives: Mapping[str, Drive], horizon: float = HORIZON) -> None:
+    def __init__(self, drives: Mapping[str, ExpectedDrive], horizon: float = HORIZON) -> None:
         self._holds = UseIndex()
         self._arrivals: list[tuple[float, str]] = []
         self._standing: set[str] = set()
