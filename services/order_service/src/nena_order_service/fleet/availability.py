@@ -126,4 +126,4 @@ def significant_fields(state: State) -> tuple[object, ...]:
 
 def equipment(state: State) -> tuple[object, ...]:
     """Return the load positions and maps of a robot, as far as the dispatcher needs them."""
-    return state.loads and tuple(each.load_position for each in state.loads), state.maps
+    return state.loads and tuple(load.load_position for load in state.loads), state.maps

@@ -168,8 +168,8 @@ class RobotControl:
         Stopping strays, clearing instant actions and requesting factsheets depend on the time, even while
         states stay the same.
         """
-        before, self._significant = self._significant, significant_fields(message)
-        if self._significant != before or self._changes != self._left_at or not self.quiet:
+        previous, self._significant = self._significant, significant_fields(message)
+        if self._significant != previous or self._changes != self._left_at or not self.quiet:
             return False
         if message.instant_action_states or self.robot.abilities is None:
             return False
@@ -297,8 +297,8 @@ class RobotControl:
         if self._seen is None or self._seen[0] != moment:
             self._seen = moment, self._make_view(now)
         elif self._seen[1].state is not (robot.sighting or robot.state):  # an unchanged one
-            found, state_at = self._deviations(robot.key), robot.state_at
-            view = replace(self._seen[1], state=robot.state, state_at=state_at, deviations=found)
+            deviations, state_at = self._deviations(robot.key), robot.state_at
+            view = replace(self._seen[1], state=robot.state, state_at=state_at, deviations=deviations)
             self._seen = moment, view
         return self._seen[1]
 
@@ -521,8 +521,8 @@ class FleetController:
         """
         self._broker = connected
         self._broker_since = now
-        for each in self._robots.values():
-            each.on_broker(connected=connected, unread=unread)
+        for control in self._robots.values():
+            control.on_broker(connected=connected, unread=unread)
         self._to_ask = dict.fromkeys(sorted(self._robots, key=lambda robot: self.vda_order(robot) is None))
         return (BrokerLinkChanged(),)
 
@@ -554,25 +554,25 @@ class FleetController:
 
     def control(self, robot: RobotKey) -> RobotControl:
         """Return the control of a robot, which is registered if it is new."""
-        known = self._robots.get(robot)
-        if known is None:
-            known = self._robots[robot] = self._new_control(robot)
-        return known
+        control = self._robots.get(robot)
+        if control is None:
+            control = self._robots[robot] = self._new_control(robot)
+        return control
 
     def view(self, robot: RobotKey, now: float) -> RobotView:
         """Return the known state of a robot; LinkStatus.UNKNOWN if it never reported."""
-        known = self._robots.get(robot)
-        return (known or self._new_control(robot)).view(now)
+        control = self._robots.get(robot)
+        return (control or self._new_control(robot)).view(now)
 
     def state(self, robot: RobotKey) -> State | None:
         """Return the last state of a robot; None if it never reported one."""
-        known = self._robots.get(robot)
-        return known.robot.state if known else None
+        control = self._robots.get(robot)
+        return control.robot.state if control else None
 
     def vda_order(self, robot: RobotKey) -> VdaOrder | None:
         """Return the VDA order that a robot has or is about to receive; None if there is none."""
-        known = self._robots.get(robot)
-        return known.vda_order if known else None
+        control = self._robots.get(robot)
+        return control.vda_order if control else None
 
     def connected_for(self, now: float) -> float:
         """Return how long the link to the broker has been up, seconds; 0 while it is down."""

@@ -73,7 +73,7 @@ ErrorIdentity = tuple[str, frozenset[tuple[str, str]]]
 def identity(error: ErrorEntry) -> ErrorIdentity:
     """Return the fields that identify an error in later states, in which its texts may differ."""
     return error.error_type, frozenset(
-        (each.reference_key, each.reference_value) for each in error.error_references
+        (reference.reference_key, reference.reference_value) for reference in error.error_references
     )
 
 
@@ -114,8 +114,8 @@ def _refuses_order(error: ErrorEntry, vda_order: VdaOrder, before: frozenset[Err
     named = _referenced_values(error, "orderId")
     if named:
         return vda_order.order_id in named
-    known = identity(error) in before or of_another_action(error, vda_order) or _of_another_topic(error)
-    return error.error_type in ORDER_REFUSALS and not known
+    explained = identity(error) in before or of_another_action(error, vda_order) or _of_another_topic(error)
+    return error.error_type in ORDER_REFUSALS and not explained
 
 
 def is_named(error: ErrorEntry, vda_order: VdaOrder) -> bool:
@@ -199,7 +199,9 @@ def _is_about(error: ErrorEntry, vda_order: VdaOrder) -> bool | None:
 
 
 def _referenced_values(error: ErrorEntry, key: str) -> set[str]:
-    return {each.reference_value for each in error.error_references if each.reference_key == key}
+    return {
+        reference.reference_value for reference in error.error_references if reference.reference_key == key
+    }
 
 
 class RobotBusyError(Exception):

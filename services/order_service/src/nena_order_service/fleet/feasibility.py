@@ -55,15 +55,15 @@ def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
     """
     if abilities is None:
         nothing = {"maximum_speed": None, **dict.fromkeys(_RULED.values())}
-        edges = tuple(_with_changes(each, nothing) for each in vda_order.edges)
+        edges = tuple(_with_changes(edge, nothing) for edge in vda_order.edges)
         return VdaOrder(order_id=vda_order.order_id, nodes=vda_order.nodes, edges=edges)
     rules, nodes = _EdgeRules.of(abilities), list[Node]()
-    before: Node | None = None
+    previous: Node | None = None
     heading = 0.0
     for node in vda_order.nodes:
-        heading = _heading_at(before, node, heading)
+        heading = _heading_at(previous, node, heading)
         nodes.append(_fitted_node(node, heading, abilities))
-        before = node
+        previous = node
     edges = tuple(
         _fitted_edge(edge, (start.node_position, end.node_position), abilities, rules)
         for edge, (start, end) in zip(vda_order.edges, pairwise(vda_order.nodes), strict=True)
@@ -78,9 +78,9 @@ def fitted_action(action: Action, abilities: Abilities) -> Action:
     """
     wanted = abilities.parameters(action)
     parameters = tuple(
-        _convert_parameter(each, wanted.get(each.key))
-        for each in _with_listed_name(action, wanted, abilities)
-        if not wanted or each.key in wanted or each.key not in STATION_PARAMETERS
+        _convert_parameter(parameter, wanted.get(parameter.key))
+        for parameter in _with_listed_name(action, wanted, abilities)
+        if not wanted or parameter.key in wanted or parameter.key not in STATION_PARAMETERS
     )
     return _with_changes(action, {"action_parameters": parameters})
 
@@ -92,19 +92,19 @@ def _with_listed_name(
 
     3.0.1 renamed ``lhd`` of pick and drop. A robot that lists neither name is sent that of its version.
     """
-    listed = next((each for each in LOAD_HANDLING_DEVICE if each in wanted), None)
+    listed = next((key for key in LOAD_HANDLING_DEVICE if key in wanted), None)
     if listed is None and abilities.codec:
         listed = abilities.codec.rules.load_handling_device_key
-    for each in action.action_parameters:
-        renamed = action.action_type in STATION_ACTIONS and each.key in LOAD_HANDLING_DEVICE
-        yield each.model_copy(update={"key": listed}) if renamed and listed else each
+    for parameter in action.action_parameters:
+        renamed = action.action_type in STATION_ACTIONS and parameter.key in LOAD_HANDLING_DEVICE
+        yield parameter.model_copy(update={"key": listed}) if renamed and listed else parameter
 
 
 def _with_changes(part: P, changes: Mapping[str, object]) -> P:
     """Return a part of an order with changes; usually nothing changes, and it is the same object."""
-    before = vars(part)
+    fields = vars(part)
     new = {
-        name: value for name, value in changes.items() if before[name] is not value and before[name] != value
+        name: value for name, value in changes.items() if fields[name] is not value and fields[name] != value
     }
     return part.model_copy(update=new) if new else part
 
@@ -112,7 +112,7 @@ def _with_changes(part: P, changes: Mapping[str, object]) -> P:
 def _fitted_node(node: Node, heading: float, abilities: Abilities) -> Node:
     changes: dict[str, Any] = {}
     if node.actions:
-        changes["actions"] = tuple(_fitted_in_order(each, abilities) for each in node.actions)
+        changes["actions"] = tuple(_fitted_in_order(action, abilities) for action in node.actions)
     if node.node_position is not None and not abilities.takes_positions:
         changes["node_position"] = _fitted_position(node, node.node_position, heading, abilities)
     if "nodes.nodeDescriptor" in abilities.required_fields:
@@ -154,7 +154,7 @@ def _fitted_position(
 def _fitted_edge(edge: Edge, ends: _Ends, abilities: Abilities, rules: _EdgeRules) -> Edge:
     changes: dict[str, object] = dict.fromkeys(rules.unlisted)
     if edge.actions:
-        changes["actions"] = tuple(_fitted_in_order(each, abilities) for each in edge.actions)
+        changes["actions"] = tuple(_fitted_in_order(action, abilities) for action in edge.actions)
     if edge.maximum_speed is not None and not _limits_speed(edge.maximum_speed, abilities):
         changes["maximum_speed"] = None
     changes |= {
@@ -232,7 +232,7 @@ class _EdgeRules:
         demanded = abilities.required_fields
         return cls(
             tuple(field for path, field in _RULED.items() if not abilities.lists_field(path)),
-            tuple(each for path, each in _EDGE_FIELDS.items() if path in demanded),
+            tuple(filling for path, filling in _EDGE_FIELDS.items() if path in demanded),
         )
 
 
@@ -370,7 +370,7 @@ def _action_problems(action: Action, scope: ActionScope, abilities: Abilities) -
     if not declared:
         yield Reason(R.UNLISTED_ACTION, action=name)
         return
-    problems = [next(_declaration_problems(action, scope, each), None) for each in declared]
+    problems = [next(_declaration_problems(action, scope, declaration), None) for declaration in declared]
     if all(problems):
         yield from filter(None, problems[:1])
 
@@ -385,28 +385,28 @@ def _declaration_problems(
     blocking = declared.blocking_types
     if scope is not ActionScope.INSTANT and blocking and action.blocking_type not in blocking:
         yield Reason(R.OTHER_BLOCKING, action=name, types=", ".join(blocking))
-    wanted = {each.key: each for each in declared.action_parameters or ()}
-    given = {each.key for each in action.action_parameters}
+    wanted = {parameter.key: parameter for parameter in declared.action_parameters or ()}
+    keys = {parameter.key for parameter in action.action_parameters}
     for parameter in wanted.values():
-        if parameter.is_optional is False and parameter.key not in given:
+        if parameter.is_optional is False and parameter.key not in keys:
             yield Reason(R.MISSING_PARAMETER, action=name, parameter=parameter.key)
     if wanted:
         yield from _value_problems(action, wanted)
 
 
 def _value_problems(action: Action, wanted: Mapping[str, ActionParameterDescription]) -> Iterator[Reason]:
-    for given in action.action_parameters:
-        parameter = wanted.get(given.key)
-        if parameter is None:
-            known = ", ".join(wanted)
-            yield Reason(R.UNKNOWN_PARAMETER, action=action.action_type, parameter=given.key, known=known)
-        elif not _IS[parameter.value_data_type](given.value):
+    for parameter in action.action_parameters:
+        declared = wanted.get(parameter.key)
+        if declared is None:
+            names = ", ".join(wanted)
+            yield Reason(R.UNKNOWN_PARAMETER, action=action.action_type, parameter=parameter.key, known=names)
+        elif not _IS[declared.value_data_type](parameter.value):
             yield Reason(
                 R.OTHER_TYPE,
-                parameter=given.key,
+                parameter=parameter.key,
                 action=action.action_type,
-                type=parameter.value_data_type,
-                given=repr(given.value),
+                type=declared.value_data_type,
+                given=repr(parameter.value),
             )
 
 
@@ -429,7 +429,7 @@ def _must_be_headed(node: Node) -> bool:
 def _is_filled(part: JsonValue, path: list[str]) -> bool:
     """Return whether ``path`` exists in each item of the lists along it."""
     if isinstance(part, list):
-        return all(_is_filled(each, path) for each in part)
+        return all(_is_filled(item, path) for item in part)
     if not path:
         return True
     return isinstance(part, dict) and path[0] in part and _is_filled(part[path[0]], path[1:])
@@ -437,11 +437,11 @@ def _is_filled(part: JsonValue, path: list[str]) -> bool:
 
 def _bad_ids(ids: Iterable[str], abilities: Abilities) -> Iterator[Reason]:
     limits = abilities.factsheet.protocol_limits.maximum_string_lengths
-    for each in ids if limits.maximum_id_length or limits.id_numerical_only else ():
-        if limits.maximum_id_length and len(each) > limits.maximum_id_length:
-            yield Reason(R.LONG_ID, id=each, limit=limits.maximum_id_length)
-        if limits.id_numerical_only and not each.isdecimal():
-            yield Reason(R.NOT_NUMERIC, id=each)
+    for name in ids if limits.maximum_id_length or limits.id_numerical_only else ():
+        if limits.maximum_id_length and len(name) > limits.maximum_id_length:
+            yield Reason(R.LONG_ID, id=name, limit=limits.maximum_id_length)
+        if limits.id_numerical_only and not name.isdecimal():
+            yield Reason(R.NOT_NUMERIC, id=name)
 
 
 def _all_ids(vda_order: VdaOrder) -> Iterator[str]:

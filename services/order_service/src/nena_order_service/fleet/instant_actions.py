@@ -235,13 +235,13 @@ class InstantActionManager:
         return (
             bool(self._going)
             or self._left_at is not None
-            or (bool(self._runs) and any(each.action.action_type in LEAVES for each in self._runs.values()))
+            or (bool(self._runs) and any(run.action.action_type in LEAVES for run in self._runs.values()))
         )
 
     @property
     def cancelling(self) -> bool:
         """Whether a cancelOrder is active."""
-        return bool(self._runs) and any(each.cancels for each in self._runs.values())
+        return bool(self._runs) and any(run.cancels for run in self._runs.values())
 
     def unsendable(self, action_type: str, now: float) -> Reason | None:
         """Return, as a predicate, why the robot must not be sent such an action now; None if it may."""
@@ -288,7 +288,7 @@ class InstantActionManager:
 
     def ask_for_state(self) -> None:
         """Request the robot's state until it reports; does nothing while it is being asked."""
-        if not any(each.awaits_state for each in self._runs.values()):
+        if not any(run.awaits_state for run in self._runs.values()):
             self._begin_run(state_request(self._new_id()), requested=False)
 
     def reconnected(self) -> None:
@@ -315,7 +315,7 @@ class InstantActionManager:
         """Update all actions from a new state; request a missing factsheet, and clear ended actions."""
         if self._runs:
             reported: dict[str, ActionState] = {
-                each.action_id: each for each in (*state.action_states, *state.instant_action_states)
+                action.action_id: action for action in (*state.action_states, *state.instant_action_states)
             }
             self._runs = {name: run for name, run in self._runs.items() if not run.awaits_state}
             for run in self._runs.values():
@@ -342,9 +342,9 @@ class InstantActionManager:
     def send(self, now: float) -> Iterator[FleetOutput]:
         """Send due actions, with at most as many per message as the factsheet allows."""
         due = tuple(
-            each.action
-            for each in self._runs.values()
-            if not self.unsendable(each.action.action_type, now) and each.wants_sending(now)
+            run.action
+            for run in self._runs.values()
+            if not self.unsendable(run.action.action_type, now) and run.wants_sending(now)
         )
         at_once = self._robot.most_instant_actions
         for first in range(0, len(due), at_once):
@@ -376,13 +376,13 @@ class InstantActionManager:
         An action that has already ended in the first state of a connection is an old one: the robot is back.
         """
         reported = (*state.action_states, *state.instant_action_states)
-        finished = {each.action_id for each in reported if each.action_status is ActionStatus.FINISHED}
+        finished = {action.action_id for action in reported if action.action_status is ActionStatus.FINISHED}
         if self._going & finished:
             self._left_at = now
         self._going = {
-            each.action_id
-            for each in state.instant_action_states
-            if each.action_type in LEAVES and not each.action_status.ended
+            action.action_id
+            for action in state.instant_action_states
+            if action.action_type in LEAVES and not action.action_status.ended
         } | {
             name
             for name, run in self._runs.items()
@@ -397,7 +397,7 @@ class InstantActionManager:
 
     def _clear_ended(self, state: State, now: float) -> None:
         """Send clearInstantActions, if the robot offers it, before ended instant actions pile up."""
-        ended = sum(1 for each in state.instant_action_states if each.action_status.ended)
+        ended = sum(1 for action in state.instant_action_states if action.action_status.ended)
         if ended < self._robot.clears_instant_actions_from or now < self._next_clearing:
             return
         rules, abilities = self._robot.rules, self._robot.abilities
@@ -411,7 +411,7 @@ class InstantActionManager:
             self._begin_run(action, requested=False)
 
     def _drop_ended(self) -> Iterator[FleetOutput]:
-        for run in [each for each in self._runs.values() if each.outcome]:
+        for run in [run for run in self._runs.values() if run.outcome]:
             del self._runs[run.action.action_id]
             self._going.discard(run.action.action_id)
             finished = run.outcome is not None and run.outcome.status is ActionStatus.FINISHED

@@ -92,10 +92,10 @@ class Dialect:
             return message.model_copy(update={"actions": _as_text(message.actions)})
         if isinstance(message, Order):
             nodes = tuple(
-                each.model_copy(update={"actions": _as_text(each.actions)}) for each in message.nodes
+                node.model_copy(update={"actions": _as_text(node.actions)}) for node in message.nodes
             )
             edges = tuple(
-                each.model_copy(update={"actions": _as_text(each.actions)}) for each in message.edges
+                edge.model_copy(update={"actions": _as_text(edge.actions)}) for edge in message.edges
             )
             return message.model_copy(update={"nodes": nodes, "edges": edges})
         return message
@@ -221,9 +221,9 @@ class RobotAddresses:
 
     def of(self, robot: RobotKey) -> tuple[RobotAddress, ...]:
         """Return the version and topics of ``robot``; all that it may use if they are not known yet."""
-        known = self._addresses.get(robot)
-        if known:
-            return (known,)
+        address = self._addresses.get(robot)
+        if address:
+            return (address,)
         return self._expected.get(robot) or tuple(map(_oldest_address, self._defaults.values()))
 
     def learn(
@@ -235,8 +235,8 @@ class RobotAddresses:
         """
         if not self._sources.accepts(robot, scheme, message, retained=retained):
             return False
-        known = self._addresses.get(robot)
-        if known and known.codec is codec and known.scheme == scheme:
+        previous = self._addresses.get(robot)
+        if previous and previous.codec is codec and previous.scheme == scheme:
             return True
         self._addresses[robot] = RobotAddress(codec, scheme)
         log.info(
@@ -244,7 +244,7 @@ class RobotAddresses:
             robot=str(robot),
             version=codec.version,
             interface_name=scheme.interface_name,
-            before=known.codec.version if known else None,
+            before=previous.codec.version if previous else None,
         )
         return True
 
@@ -262,7 +262,7 @@ class RobotAddresses:
 
 def _oldest_address(scheme: TopicScheme) -> RobotAddress:
     """Return the address of a robot of unknown version: newer minor versions understand the oldest one."""
-    version = next(each for each in CODECS if f"v{each.partition('.')[0]}" == scheme.major_version)
+    version = next(number for number in CODECS if f"v{number.partition('.')[0]}" == scheme.major_version)
     return RobotAddress(CODECS[version], scheme)
 
 
@@ -540,9 +540,9 @@ class FleetLink:
             read(scheme, inbound)
 
         def read(scheme: TopicScheme, inbound: Inbound) -> None:
-            found = self._read_message(kind, scheme, inbound, later=partial(read, scheme, inbound))
-            if found:
-                self._hand_out(take(*found, self._now()))
+            robot_message = self._read_message(kind, scheme, inbound, later=partial(read, scheme, inbound))
+            if robot_message:
+                self._hand_out(take(*robot_message, self._now()))
 
         for scheme in self._addresses.schemes:
             self._mqtt.subscribe(scheme.for_all(topic), partial(handle, scheme), qos=qos)
@@ -578,8 +578,10 @@ class FleetLink:
         if kind is State and dialect.keeps_last_node_states:
             outdated = self._last_nodes.outdated(robot, message, self._controller.vda_order(robot))
             message = dialect.understood(message, outdated=outdated)
-        now = self._addresses.learn(robot, codec, scheme, message, retained=inbound.retained)
-        return (robot, message) if now and self._is_new(kind, robot, message.header_id, inbound) else None
+        is_current = self._addresses.learn(robot, codec, scheme, message, retained=inbound.retained)
+        return (
+            (robot, message) if is_current and self._is_new(kind, robot, message.header_id, inbound) else None
+        )
 
     def _is_new(
         self,
@@ -642,13 +644,13 @@ class FleetLink:
 
     def _hand_out(self, outputs: Iterable[FleetOutput]) -> None:
         events: list[FleetOutput] = []
-        now = self._now()
+        at = self._now()
         for output in tuple(outputs):
             if isinstance(output, Publish):
-                self._publish_output(output, now)
+                self._publish_output(output, at)
             else:
                 for listener in self.listeners:
-                    listener.happened(output, now)
+                    listener.happened(output, at)
                 events.append(output)
         if events:
             self._on_events(*events)

@@ -50,11 +50,11 @@ class PendingUpdate:
     def refusals(self, errors: Iterable[ErrorEntry]) -> tuple[ErrorEntry, ...]:
         """Return the errors with which the robot refuses the update (section 6.1.4)."""
         return tuple(
-            each
-            for each in errors
-            if failures.identity(each) not in self.errors_before
-            and not failures.of_another_action(each, self.plan)
-            and failures.refuses_update(each, self.plan.order_id, self.update_id)
+            error
+            for error in errors
+            if failures.identity(error) not in self.errors_before
+            and not failures.of_another_action(error, self.plan)
+            and failures.refuses_update(error, self.plan.order_id, self.update_id)
         )
 
     def is_refused(self, refusals: Iterable[ErrorEntry], now: float) -> bool:
@@ -105,30 +105,30 @@ def read(state: State, vda_order: VdaOrder) -> Progress:
     ids, final = vda_order.action_ids, vda_order.final_action_ids
     left_behind: set[str] = set()
     if vda_order.edges_with_actions:
-        ahead = {each.sequence_id for each in state.edge_states}
+        ahead = {edge.sequence_id for edge in state.edge_states}
         left_behind = {
             action.action_id
             for edge in vda_order.edges_with_actions
             if edge.sequence_id not in ahead
             for action in edge.actions
         }
-    own = [each for each in state.action_states if each.action_id in ids] if ids else []
+    own = [action for action in state.action_states if action.action_id in ids] if ids else []
     left = bool(state.node_states or state.edge_states)
     passed = state.last_node_sequence_id
     if state.node_states:
         passed = min(passed, state.node_states[0].sequence_id - 1)
     return Progress(
         passed=passed,
-        operating=any(each.action_id in final and each.action_status not in NOT_BEGUN for each in own),
-        idle=not left and all(each.action_status.ended for each in own),
+        operating=any(action.action_id in final and action.action_status not in NOT_BEGUN for action in own),
+        idle=not left and all(action.action_status.ended for action in own),
         at_end=passed == vda_order.last_sequence_id and state.last_node_id == vda_order.nodes[-1].node_id,
         failed=tuple(
-            each
-            for each in own
-            if each.action_status is ActionStatus.FAILED and each.action_id not in left_behind
+            action
+            for action in own
+            if action.action_status is ActionStatus.FAILED and action.action_id not in left_behind
         ),
-        retriable=tuple(each for each in own if each.action_status is ActionStatus.RETRIABLE),
-        unreported=ids.difference(each.action_id for each in own) if len(own) < len(ids) else frozenset(),
+        retriable=tuple(action for action in own if action.action_status is ActionStatus.RETRIABLE),
+        unreported=ids.difference(action.action_id for action in own) if len(own) < len(ids) else frozenset(),
     )
 
 
@@ -217,9 +217,9 @@ class OrderExecution:
         if self._pending is None and self._plan is not None:
             plan, self._plan = self._plan, None
             message = update_of(self.vda_order, plan)
-            before = frozenset(map(failures.identity, errors))
+            identities = frozenset(map(failures.identity, errors))
             delivery = Delivery(self._settings)
-            self._pending = PendingUpdate(plan, message, self.update_id + 1, delivery, before)
+            self._pending = PendingUpdate(plan, message, self.update_id + 1, delivery, identities)
         assert self._pending, "sent when is_due says so"  # noqa: S101 - for the type
         self._pending.delivery.sent(now)
         return PublishOrder(self._robot, self._pending.message, self._pending.update_id)
@@ -329,9 +329,9 @@ class OrderExecution:
         at_end = (state.last_node_id, state.last_node_sequence_id) == (last.node_id, last.sequence_id)
         if not at_end or state.driving or not self._known_in(state):
             return None
-        names = [each.node_id for each in state.node_states] or [each.edge_id for each in state.edge_states]
+        names = [node.node_id for node in state.node_states] or [edge.edge_id for edge in state.edge_states]
         field = "nodeStates" if state.node_states else "edgeStates"
-        listed = ", ".join(f"'{each}'" for each in names[:STATES_NAMED])
+        listed = ", ".join(f"'{name}'" for name in names[:STATES_NAMED])
         if not names:
             return None
         return Reason(
@@ -360,7 +360,7 @@ class OrderExecution:
     def _follow_progress(self, state: State, now: float) -> Iterator[FleetOutput]:
         """Yield events for the progress of the VDA order in a state that echoes it."""
         progress = read(state, self.vda_order)
-        self._retriable &= {each.action_id for each in progress.retriable}
+        self._retriable &= {action.action_id for action in progress.retriable}
         yield from self._report_progress(progress)
         yield from self._report_base_wanted(state)
         if progress.done:
@@ -416,20 +416,22 @@ class OrderExecution:
 
     def _report_retriable(self, state: State, actions: tuple[ActionState, ...]) -> Iterator[FleetOutput]:
         """Report each failure of a retriable action once (section 6.6.9)."""
-        known, self._retriable = self._retriable, frozenset(each.action_id for each in actions)
-        for each in actions:
-            failure = self._failed_actions(state, (each,))
-            if failure and each.action_id not in known:
+        reported, self._retriable = self._retriable, frozenset(action.action_id for action in actions)
+        for action in actions:
+            failure = self._failed_actions(state, (action,))
+            if failure and action.action_id not in reported:
                 name = self.vda_order.order_id
-                yield ActionRetriable(self._robot, name, each.action_id, failure.reason, failure.details)
+                yield ActionRetriable(self._robot, name, action.action_id, failure.reason, failure.details)
 
     def _failed_actions(self, state: State, failed: tuple[ActionState, ...]) -> VdaOrderFailed | None:
         if not failed:
             return None
         first = failed[0]
-        own = (each.action_result for each in failed)
-        reported = (text for each in failed for text in failures.of_action(state.errors, each.action_id))
-        name = next(each.action_type for each in self.vda_order.actions if each.action_id == first.action_id)
+        own = (action.action_result for action in failed)
+        reported = (text for action in failed for text in failures.of_action(state.errors, action.action_id))
+        name = next(
+            action.action_type for action in self.vda_order.actions if action.action_id == first.action_id
+        )
         # when an order ends early, its actions fail without having begun
         at_end = read(state, self.vda_order).at_end
         kind = FailureKind.ACTION if at_end else FailureKind.DRIVE
@@ -467,14 +469,14 @@ class OrderExecution:
 
     def _look_for_refusal(self, state: State, now: float) -> Iterator[FleetOutput]:
         self._passing &= frozenset(map(failures.identity, state.errors))
-        found = failures.refusals(state.errors, self.vda_order, self._before)
-        errors = [each for each in found if failures.identity(each) not in self._passing]
+        refusals = failures.refusals(state.errors, self.vda_order, self._before)
+        errors = [error for error in refusals if failures.identity(error) not in self._passing]
         if errors and self._position_doubted and self._excused_sending in (0, self._delivery.in_all):
             self._excused_sending = self._delivery.in_all
             self._passing |= frozenset(map(failures.identity, errors))
             self.hold()
             return
-        named = any(failures.is_named(each, self.vda_order) for each in errors)
+        named = any(failures.is_named(error, self.vda_order) for error in errors)
         if errors and self._delivery.is_refused(now, named=named):
             yield self._end_order(
                 self._failure_of(FailureKind.REFUSED, Reason(R.REFUSED), _describe_errors(errors))

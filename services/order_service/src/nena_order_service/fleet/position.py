@@ -155,9 +155,9 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
 def _nearest_point(plant: PlantModel, here: PlantPlace, map_id: str, profile: RobotProfile) -> Point | None:
     """Return the nearest point of a map; points without a map are on the robot's map."""
     maps = (map_id or None, None) if map_id == profile.map_id else (map_id,)
-    indices = (plant.points_by_map.get(each) for each in dict.fromkeys(maps))
-    found = (index.nearest(here.x_m, here.y_m) for index in indices if index)
-    return min(filter(None, found), key=lambda point: _distance_to(point, here), default=None)
+    indices = (plant.points_by_map.get(name) for name in dict.fromkeys(maps))
+    candidates = (index.nearest(here.x_m, here.y_m) for index in indices if index)
+    return min(filter(None, candidates), key=lambda point: _distance_to(point, here), default=None)
 
 
 def _is_on_map(point: Point, pose: MobileRobotPosition, profile: RobotProfile) -> bool:

@@ -200,7 +200,9 @@ class Abilities:
     def required_fields(self) -> tuple[str, ...]:
         """The paths, within an order, of the optional fields that the robot requires (section 7.10)."""
         features = self.factsheet.protocol_features
-        paths = (each.parameter for each in features.optional_parameters if each.support is Support.REQUIRED)
+        paths = (
+            field.parameter for field in features.optional_parameters if field.support is Support.REQUIRED
+        )
         return tuple(
             path.removeprefix(ORDER_PREFIX)
             for path in paths
@@ -213,7 +215,7 @@ class Abilities:
         if taken is None:
             listed = self.factsheet.protocol_features.optional_parameters
             name = path.removeprefix("nodes.")
-            taken = not listed or any(f".{name}." in f".{each.parameter}." for each in listed)
+            taken = not listed or any(f".{name}." in f".{field.parameter}." for field in listed)
             self._taken[path] = taken
         return taken
 
@@ -231,9 +233,9 @@ class Abilities:
     def takes_retries(self) -> bool:
         """Whether the robot supports RETRIABLE actions and ``retry`` (section 6.6.9)."""
         rules = self.codec.rules if self.codec else None
-        known = rules is not None and ActionStatus.RETRIABLE in rules.action_statuses
+        has_status = rules is not None and ActionStatus.RETRIABLE in rules.action_statuses
         listed = not self.lists_actions or bool(self.declarations(RETRY))
-        return known and listed and self.takes_field("nodes.actions.retriable")
+        return has_status and listed and self.takes_field("nodes.actions.retriable")
 
     @cached_property
     def codec(self) -> Codec | None:
@@ -253,14 +255,14 @@ class Abilities:
     def declarations(self, action_type: str) -> tuple[MobileRobotAction, ...]:
         """Return the declarations of an action type; some robots list one for each scope."""
         actions = self.factsheet.protocol_features.mobile_robot_actions
-        return tuple(each for each in actions if each.action_type == action_type)
+        return tuple(action for action in actions if action.action_type == action_type)
 
     def parameters(self, action: Action) -> dict[str, ActionParameterDescription]:
         """Return the parameters that the factsheet lists for an action, by key."""
         return {
             parameter.key: parameter
-            for each in self.declarations(action.action_type)
-            for parameter in each.action_parameters or ()
+            for declaration in self.declarations(action.action_type)
+            for parameter in declaration.action_parameters or ()
         }
 
 
@@ -328,8 +330,8 @@ class Robot:
         ONLINE with a higher headerId: some robots publish it periodically, and a restarted one counts from 0.
         """
         online = message.connection_state is ConnectionState.ONLINE
-        known = self._online_id if self.connection is ConnectionState.ONLINE else None
-        periodic = online and known is not None and message.header_id > known
+        online_id = self._online_id if self.connection is ConnectionState.ONLINE else None
+        periodic = online and online_id is not None and message.header_id > online_id
         self._online_id = message.header_id if online else None
         self.connection = message.connection_state
         self._heard_at = now
@@ -484,6 +486,6 @@ def is_idle(state: State, instant_ids: Collection[str]) -> bool:
     if state.node_states or state.edge_states:
         return False
     return all(
-        each.action_status.ended or each.action_type in INSTANT_ONLY or each.action_id in instant_ids
-        for each in state.action_states
+        action.action_status.ended or action.action_type in INSTANT_ONLY or action.action_id in instant_ids
+        for action in state.action_states
     )

@@ -65,7 +65,7 @@ class FleetStatistics:
     @property
     def undelivered(self) -> int:
         """Number of VDA orders that no robot has echoed yet."""
-        return sum(each.accepted is None for each in self._deliveries.values())
+        return sum(delivery.accepted is None for delivery in self._deliveries.values())
 
     def begun(self, order_id: str, now: float, *, restored: bool = False) -> None:  # noqa: ARG002 - of listeners
         """Count a VDA order that is to be sent, or was restored after a restart."""
@@ -118,8 +118,8 @@ class FleetStatistics:
         delivery.update_id = output.order_update_id
 
     def _note_actions(self, output: outputs.PublishInstantActions) -> None:
-        ids = [each.action_id for each in output.actions]
-        self.resent[Topic.INSTANT_ACTIONS] += any(each in self._actions for each in ids)
+        ids = [action.action_id for action in output.actions]
+        self.resent[Topic.INSTANT_ACTIONS] += any(action_id in self._actions for action_id in ids)
         self._actions.update(dict.fromkeys(ids))
         while len(self._actions) > ACTIONS_REMEMBERED:
             self._actions.popitem(last=False)

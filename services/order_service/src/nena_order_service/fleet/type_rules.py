@@ -57,12 +57,12 @@ class TypeRules:
         return self._common_use(edge.path.vehicle_types) if edge.is_forward else None
 
     def _common_use(self, uses: Iterable[Use]) -> Use | None:
-        found = [use for use in uses if use.vehicle_type_id in self.vehicle_types]
-        if not found:
+        own_uses = [use for use in uses if use.vehicle_type_id in self.vehicle_types]
+        if not own_uses:
             return None
-        first = found[0]
+        first = own_uses[0]
         alike = {"vehicle_type_id": first.vehicle_type_id}
-        return first if all(each.model_copy(update=alike) == first for each in found[1:]) else None
+        return first if all(use.model_copy(update=alike) == first for use in own_uses[1:]) else None
 
 
 NO_RULES = TypeRules()
@@ -109,8 +109,8 @@ def _tangents_of(edge: DirectedEdge, rule: track.VehicleTypeOnPath, plant: Plant
     a, b = plant.point(edge.source), plant.point(edge.destination)
     places = [(a.x_m, a.y_m), (b.x_m, b.y_m)]
     if rule.trajectory:  # its control points show the directions at its ends
-        places = [(each.x, each.y) for each in rule.trajectory.control_points]
-    parts = [(one, other) for one, other in pairwise(places) if one != other]
+        places = [(control_point.x, control_point.y) for control_point in rule.trajectory.control_points]
+    parts = [(start, end) for start, end in pairwise(places) if start != end]
     if not parts:
         return None, None
     first, last = (atan2(end[1] - start[1], end[0] - start[0]) for start, end in (parts[0], parts[-1]))
@@ -130,12 +130,16 @@ def _orientation_of(
     can_reverse: bool,
 ) -> float | None:
     """Return the orientation with the least turning before and after the edge, rad."""
-    possible = [each for each in rule.orientations if can_reverse or not rule.leads_backward(each)]
+    possible = [
+        orientation
+        for orientation in rule.orientations
+        if can_reverse or not rule.leads_backward(orientation)
+    ]
 
     def turning(orientation: float) -> float:
-        before = _turn_between(heading, _absolute_orientation(rule, orientation, tangents[0]))
-        after = _turn_between(_absolute_orientation(rule, orientation, tangents[1]), wanted)
-        return round(before + after, _SAME_TURN)
+        turn_in = _turn_between(heading, _absolute_orientation(rule, orientation, tangents[0]))
+        turn_out = _turn_between(_absolute_orientation(rule, orientation, tangents[1]), wanted)
+        return round(turn_in + turn_out, _SAME_TURN)
 
     return min(possible, key=turning, default=None)
 
@@ -208,7 +212,8 @@ def _make_trajectory(
         if hypot(x - point.x_m, y - point.y_m) > SAME_PLACE_M:
             return None
     places = (
-        (transform.to_map(PlantPlace(each.x, each.y)), each.weight) for each in trajectory.control_points
+        (transform.to_map(PlantPlace(control_point.x, control_point.y)), control_point.weight)
+        for control_point in trajectory.control_points
     )
     return vda.Trajectory(
         degree=trajectory.degree,
@@ -227,35 +232,35 @@ def required_actions(
     """Return the rule's required actions that are not among ``own``, with new IDs."""
     if rule is None or not rule.actions:
         return ()
-    known = {action.action_type for action in own}
+    own_types = {action.action_type for action in own}
     required = [
-        each
-        for each in rule.actions
-        if each.requirement_type is track.RequirementType.REQUIRED and each.action_type not in known
+        action
+        for action in rule.actions
+        if action.requirement_type is track.RequirementType.REQUIRED and action.action_type not in own_types
     ]
     return tuple(
         Action(
-            action_type=each.action_type,
+            action_type=ruled.action_type,
             action_id=action_id,
-            action_descriptor=each.action_description or each.action_type,
-            blocking_type=BlockingType(each.blocking_type),
-            action_parameters=tuple(_fixed_parameters(each)),
+            action_descriptor=ruled.action_description or ruled.action_type,
+            blocking_type=BlockingType(ruled.blocking_type),
+            action_parameters=tuple(_fixed_parameters(ruled)),
         )
-        for each, action_id in zip(required, ids, strict=False)
+        for ruled, action_id in zip(required, ids, strict=False)
     )
 
 
 def as_ruled(actions: Iterable[Action], rule: track.VehicleTypeAtPoint | None) -> Iterator[Action]:
     """Yield actions with the blocking types and parameters that the rule defines for them."""
-    listed = {each.action_type: each for each in reversed(rule.actions if rule else ())}
+    listed = {action.action_type: action for action in reversed(rule.actions if rule else ())}
     for action in actions:
         ruled = listed.get(action.action_type)
         if ruled is None:
             yield action
             continue
         fixed = tuple(_fixed_parameters(ruled))
-        keys = {each.key for each in fixed}
-        others = (each for each in action.action_parameters if each.key not in keys)
+        keys = {parameter.key for parameter in fixed}
+        others = (parameter for parameter in action.action_parameters if parameter.key not in keys)
         changes = {
             "blocking_type": BlockingType(ruled.blocking_type),
             "action_parameters": (*others, *fixed),
@@ -264,4 +269,7 @@ def as_ruled(actions: Iterable[Action], rule: track.VehicleTypeAtPoint | None) -
 
 
 def _fixed_parameters(action: track.TypeAction) -> Iterator[ActionParameter]:
-    return (ActionParameter(key=each.key, value=json_value(each)) for each in action.action_parameters)
+    return (
+        ActionParameter(key=parameter.key, value=json_value(parameter))
+        for parameter in action.action_parameters
+    )

@@ -64,7 +64,7 @@ class VdaOrder(WireObject):
     @cached_property
     def edges_with_actions(self) -> tuple[Edge, ...]:
         """The edges that have actions; usually none."""
-        return tuple([each for each in self.edges if each.actions])
+        return tuple([edge for edge in self.edges if edge.actions])
 
     @cached_property
     def base_length(self) -> int:
@@ -271,7 +271,7 @@ def _stops_of_route(
         fields: dict[str, object] = {} if pose is None else {"maximum_speed": speed_limit(None)}
         yield _stop_at(plant, profile, rules, standing.point, fields)
     steps = route.steps if route else ()
-    ruled = edge_fields([each.edge for each in steps], rules, plant, standing, profile)
+    ruled = edge_fields([step.edge for step in steps], rules, plant, standing, profile)
     for step, of_rule in zip(steps, ruled, strict=True):
         fields = {"maximum_speed": speed_limit(step.edge), **of_rule}
         yield _stop_at(plant, profile, rules, step.destination, fields, step=step)
@@ -360,13 +360,13 @@ def _node_position(stop: _Stop, profile: RobotProfile, *, starts: bool) -> NodeP
 
 
 def _make_edges(stops: list[_Stop]) -> Iterator[Edge]:
-    for index, (before, after) in enumerate(pairwise(stops)):
+    for index, (start, end) in enumerate(pairwise(stops)):
         yield Edge(
-            edge_id=after.edge_id or f"{before.node_id} --- {after.node_id}",
+            edge_id=end.edge_id or f"{start.node_id} --- {end.node_id}",
             sequence_id=2 * index + 1,
             released=True,
-            actions=required_actions(after.edge_rule, (), iter(unique_id, "")),
-            **after.edge_fields,
+            actions=required_actions(end.edge_rule, (), iter(unique_id, "")),
+            **end.edge_fields,
         )
 
 
@@ -407,22 +407,22 @@ def update_of(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
 
 def released_to(plan: VdaOrder, sequence_id: int) -> VdaOrder:
     """Return the plan with its base ending at the node ``sequence_id`` (section 6.1.1)."""
-    nodes = tuple(_with_release(each, released=each.sequence_id <= sequence_id) for each in plan.nodes)
-    edges = tuple(_with_release(each, released=each.sequence_id < sequence_id) for each in plan.edges)
+    nodes = tuple(_with_release(node, released=node.sequence_id <= sequence_id) for node in plan.nodes)
+    edges = tuple(_with_release(edge, released=edge.sequence_id < sequence_id) for edge in plan.edges)
     return VdaOrder(order_id=plan.order_id, nodes=nodes, edges=edges)
 
 
 def held_by(state: State, plan: VdaOrder) -> VdaOrder:
     """Return the plan with the base that a robot with an older update reports (section 6.1.2)."""
-    base = [each.sequence_id for each in state.node_states if each.released]
+    base = [node.sequence_id for node in state.node_states if node.released]
     return released_to(plan, base[-1] if base else state.last_node_sequence_id)
 
 
 def _same_base(held: VdaOrder, plan: VdaOrder, base: int) -> bool:
     """Return whether both have the same base; its optional fields may differ, as after a new factsheet."""
-    before: tuple[Node | Edge, ...] = (*held.nodes[:base], *held.edges[: base - 1])
-    after: tuple[Node | Edge, ...] = (*plan.nodes[:base], *plan.edges[: base - 1])
-    return [*map(_outline_of, before)] == [*map(_outline_of, after)]
+    held_parts: tuple[Node | Edge, ...] = (*held.nodes[:base], *held.edges[: base - 1])
+    plan_parts: tuple[Node | Edge, ...] = (*plan.nodes[:base], *plan.edges[: base - 1])
+    return [*map(_outline_of, held_parts)] == [*map(_outline_of, plan_parts)]
 
 
 def _outline_of(part: Node | Edge) -> tuple[str, int, list[str]]:
@@ -451,8 +451,8 @@ def with_other_horizon(held: VdaOrder, base_end: int, tail: VdaOrder) -> VdaOrde
         message = "action IDs of the old horizon are reused"
         raise ValueError(message)
     shift = 2 * base_end
-    nodes = (each.model_copy(update={"sequence_id": each.sequence_id + shift}) for each in tail.nodes[1:])
-    edges = (each.model_copy(update={"sequence_id": each.sequence_id + shift}) for each in tail.edges)
+    nodes = (node.model_copy(update={"sequence_id": node.sequence_id + shift}) for node in tail.nodes[1:])
+    edges = (edge.model_copy(update={"sequence_id": edge.sequence_id + shift}) for edge in tail.edges)
     return VdaOrder(
         order_id=held.order_id,
         nodes=(*held.nodes[: base_end + 1], *nodes),

@@ -58,9 +58,13 @@ class ReleaseManager:
 
     def on_state(self, robot: RobotKey, state: State) -> None:
         """Update a robot's requests from its state (section 6.9)."""
-        requests = {(_place_of(each), each.request_id): each for each in _open_requests(state)}
+        requests = {(_place_of(request), request.request_id): request for request in _open_requests(state)}
         for place, asked in list(self._asked.items()):
-            asked[:] = [each for each in asked if each.robot != robot or (place, each.request_id) in requests]
+            asked[:] = [
+                request
+                for request in asked
+                if request.robot != robot or (place, request.request_id) in requests
+            ]
             if not asked:
                 del self._asked[place]
         for (place, _), request in requests.items():
@@ -75,10 +79,12 @@ class ReleaseManager:
         """
         by_robot: dict[RobotKey, list[Response]] = {}
         for asked in self._asked.values():
-            for each in asked:
-                wanted = self._wanted_answer(each, asked, all_known=all_known)
-                if reachable(each.robot) and self._is_due(each, wanted, now):
-                    by_robot.setdefault(each.robot, []).append(self._make_answer(each, wanted, now))
+            for asked_request in asked:
+                wanted = self._wanted_answer(asked_request, asked, all_known=all_known)
+                if reachable(asked_request.robot) and self._is_due(asked_request, wanted, now):
+                    by_robot.setdefault(asked_request.robot, []).append(
+                        self._make_answer(asked_request, wanted, now)
+                    )
         for robot, responses in by_robot.items():
             yield PublishResponses(robot, tuple(responses))
 
@@ -88,9 +94,9 @@ class ReleaseManager:
         return bool(self._asked)
 
     def _note_request(self, robot: RobotKey, asked: list[_Asked], request: Request) -> None:
-        for each in asked:
-            if (each.robot, each.request_id) == (robot, request.request_id):
-                each.shown = request.request_status
+        for request_run in asked:
+            if (request_run.robot, request_run.request_id) == (robot, request.request_id):
+                request_run.shown = request.request_status
                 return
         asked.append(_Asked(robot, request.request_id, request.request_status))
 
@@ -101,7 +107,7 @@ class ReleaseManager:
             return GrantType.GRANTED
         if policy is ReleasePolicy.NONE:
             return GrantType.REVOKED if each.holds else GrantType.REJECTED
-        holder = next((other.robot for other in asked if other.holds), asked[0].robot)
+        holder = next((request.robot for request in asked if request.holds), asked[0].robot)
         if each.robot != holder:
             return GrantType.REVOKED if each.holds else GrantType.QUEUED
         return GrantType.GRANTED if all_known or each.holds else GrantType.QUEUED
@@ -132,9 +138,9 @@ class ReleaseManager:
 
 def _open_requests(state: State) -> Iterator[Request]:
     """Yield the requests to answer; corridors of the horizon must wait until their edges are released."""
-    horizon = {each.sequence_id for each in state.edge_states if not each.released}
+    horizon = {edge.sequence_id for edge in state.edge_states if not edge.released}
     yield from state.zone_requests or ()
-    yield from (each for each in state.edge_requests or () if each.sequence_id not in horizon)
+    yield from (request for request in state.edge_requests or () if request.sequence_id not in horizon)
 
 
 def _place_of(request: Request) -> Place:

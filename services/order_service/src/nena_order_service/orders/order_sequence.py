@@ -94,8 +94,8 @@ class OrderSequence:
             yield f"it accepts no orders of type {order_type!r}, only {types}"
         if request.intended_vehicle not in (None, status.intended_vehicle):
             meant = f"vehicle {status.intended_vehicle!r}" if status.intended_vehicle else "any vehicle"
-            other = request.intended_vehicle
-            yield f"it is for {meant}, and the order is for {other!r}; name the same vehicle, or none"
+            intended = request.intended_vehicle
+            yield f"it is for {meant}, and the order is for {intended!r}; name the same vehicle, or none"
 
     def appended(self, order: str, now: datetime) -> Self:
         """Add an order behind all others."""

@@ -205,7 +205,10 @@ class TransportOrder:
         avoided = self.current.avoided
         if not self.status.properties and not avoided:
             return NOTHING
-        listed = next((each.value for each in self.status.properties if each.key == RESOURCES_TO_AVOID), "")
+        listed = next(
+            (property_.value for property_ in self.status.properties if property_.key == RESOURCES_TO_AVOID),
+            "",
+        )
         named = frozenset(name for part in listed.split(",") if (name := part.strip()))
         return named.union(avoided)
 
@@ -259,10 +262,10 @@ class TransportOrder:
         """Assign the order to a vehicle, with the names of the points of each remaining route."""
         self.require("assigning", S.DISPATCHABLE)
         done, left = self.status.drive_orders[: self.index], self.status.drive_orders[self.index :]
-        states = (DriveOrderState.TRAVELLING, *(each.state for each in left[1:]))
+        states = (DriveOrderState.TRAVELLING, *(drive_order.state for drive_order in left[1:]))
         planned = [
-            each.model_copy(update={"route": route, "state": state})
-            for each, route, state in zip(left, routes, states, strict=True)
+            drive_order.model_copy(update={"route": route, "state": state})
+            for drive_order, route, state in zip(left, routes, states, strict=True)
         ]
         return self._move_to(
             S.BEING_PROCESSED,
@@ -385,10 +388,10 @@ class TransportOrder:
         ``vehicle`` is its vehicle's new name, if the plant model has changed; None: unchanged.
         """
         self.require("adopting", S.BEING_PROCESSED, S.WITHDRAWN)
-        before, vehicle = self.vehicle or "", vehicle or self.vehicle or ""
+        previous, vehicle = self.vehicle or "", vehicle or self.vehicle or ""
         why = Reason(R.ADOPTED, vehicle=vehicle)
-        if vehicle != before:
-            why = Reason(R.ADOPTED_RENAMED, vehicle=vehicle, before=before)
+        if vehicle != previous:
+            why = Reason(R.ADOPTED_RENAMED, vehicle=vehicle, before=previous)
         entry = self.entry(now, EventCode.ADOPTED_AFTER_RESTART, why)
         return self.changed(processing_vehicle=vehicle, history=(*self.status.history, entry))
 

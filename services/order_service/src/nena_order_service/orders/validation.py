@@ -84,7 +84,7 @@ def _set_operation(destination: Destination, plant: PlantModel) -> Destination:
 def check_order(order: TransportOrderStatus, plant: PlantModel) -> None:
     """Raise InvalidRequestError if the rest of an existing order no longer fits the plant, locks aside."""
     left = order.drive_orders[max(order.current_drive_order_index, 0) :]
-    destinations = [each.destination for each in left]
+    destinations = [drive_order.destination for drive_order in left]
     _raise_if_any(
         [
             *_check_destinations(destinations, plant, new=False),
@@ -119,8 +119,8 @@ def _check_destination(destination: Destination, plant: PlantModel) -> Iterator[
     if name is not None and name in plant.locations_by_name:
         yield from _check_operation(destination.operation, plant.location(name), plant)
     elif name is not None and name not in plant.points_by_name:
-        known = [*plant.locations_by_name, *plant.points_by_name]
-        yield Finding(Reason(R.UNKNOWN_PLACE, *_similar_names(name, known), name=name), unknown=True)
+        places = [*plant.locations_by_name, *plant.points_by_name]
+        yield Finding(Reason(R.UNKNOWN_PLACE, *_similar_names(name, places), name=name), unknown=True)
     elif destination.operation not in POINT_OPERATIONS:
         operation = destination.operation
         at_coordinate = Reason(R.NOT_AT_COORDINATE, operation=operation)
@@ -136,9 +136,9 @@ def _check_peripherals(destination: Destination, plant: PlantModel) -> Iterator[
             continue
         possible = plant.location_types_by_name[location.type].allowed_peripheral_operations
         if operation.operation not in possible:
-            known = {"location": operation.location, "operation": operation.operation}
-            none = Reason(R.NO_DEVICE, **known)
-            yield Finding(Reason(R.NOT_AT_DEVICE, names=", ".join(possible), **known) if possible else none)
+            values = {"location": operation.location, "operation": operation.operation}
+            none = Reason(R.NO_DEVICE, **values)
+            yield Finding(Reason(R.NOT_AT_DEVICE, names=", ".join(possible), **values) if possible else none)
 
 
 def _check_operation(operation: str, location: Location, plant: PlantModel) -> Iterator[Finding]:
@@ -161,10 +161,10 @@ def _check_vehicle(name: str | None, vehicles: Collection[str]) -> Iterator[Find
 
 
 def _check_resources_to_avoid(properties: Iterable[Property], plant: PlantModel) -> Iterator[Finding]:
-    listed = next((each.value for each in properties if each.key == RESOURCES_TO_AVOID), "")
-    known = (plant.points_by_name, plant.paths_by_name, plant.locations_by_name)
+    listed = next((property_.value for property_ in properties if property_.key == RESOURCES_TO_AVOID), "")
+    tables = (plant.points_by_name, plant.paths_by_name, plant.locations_by_name)
     for name in filter(None, map(str.strip, listed.split(","))):
-        if not any(name in names for names in known):
+        if not any(name in names for names in tables):
             why = Reason(R.UNKNOWN_AVOIDED, property=RESOURCES_TO_AVOID, name=name)
             yield Finding(why, unknown=True)
 

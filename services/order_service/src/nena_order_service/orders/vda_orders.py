@@ -81,10 +81,10 @@ class OrderPlanner:
             raise NotLocatedError(Reason(R.NO_STATE))
         state, profile = view.state, vehicle.profile
         place = state.mobile_robot_position, state.last_node_id
-        known = self._standings.get(vehicle.name)
-        if known is None or known[0] != place or known[1] is not profile:
-            known = self._standings[vehicle.name] = place, profile, locate(self.plant, state, profile)
-        return known[2]
+        located = self._standings.get(vehicle.name)
+        if located is None or located[0] != place or located[1] is not profile:
+            located = self._standings[vehicle.name] = place, profile, locate(self.plant, state, profile)
+        return located[2]
 
     def map_id(self, point: str, vehicle: FleetVehicle) -> str:
         """Return the map on which a vehicle is sent to a point."""
@@ -112,7 +112,7 @@ class OrderPlanner:
         """
         return self.finder.find(
             standing.point,
-            [each.destination for each in order.status.drive_orders[order.index :]],
+            [drive_order.destination for drive_order in order.status.drive_orders[order.index :]],
             vehicle=vehicle.model,
             avoid=order.resources_to_avoid | avoid,
         )
@@ -123,12 +123,12 @@ class OrderPlanner:
 
     def pick(self, order: TransportOrder) -> Pick | None:
         """Return what an order picks up first; None: nothing, or it drops something before."""
-        for each in order.status.drive_orders[order.index :]:
-            action_type = self._operations.action_type(each.destination.operation)
+        for drive_order in order.status.drive_orders[order.index :]:
+            action_type = self._operations.action_type(drive_order.destination.operation)
             if action_type == PICK:
-                given = {each.key: each.text for each in each.destination.properties}
-                place = next((given[key] for key in LOAD_HANDLING_DEVICE if key in given), "")
-                return Pick(given.get("loadType", ""), place)
+                texts = {parameter.key: parameter.text for parameter in drive_order.destination.properties}
+                place = next((texts[key] for key in LOAD_HANDLING_DEVICE if key in texts), "")
+                return Pick(texts.get("loadType", ""), place)
             if action_type == DROP:
                 return None
         return None
@@ -140,7 +140,7 @@ class OrderPlanner:
         except NoRouteError as error:
             closed = self.finder.only_locks_close(
                 standing.point,
-                [each.destination for each in order.status.drive_orders[order.index :]],
+                [drive_order.destination for drive_order in order.status.drive_orders[order.index :]],
                 vehicle.model,
                 order.resources_to_avoid,
             )
@@ -155,7 +155,9 @@ class OrderPlanner:
         needed = (
             operation for operation in destination.peripheral_operations if operation.completion_required
         )
-        devices = tuple(dict.fromkeys(each.location for each in needed)) if self._peripherals else ()
+        devices = (
+            tuple(dict.fromkeys(operation.location for operation in needed)) if self._peripherals else ()
+        )
         if destination.coordinate:
             goal = self.finder.nearest(destination.coordinate)
             return RouteRequest(vehicle.name, goal, devices, straight_mm=round(leg.cost))
@@ -191,7 +193,7 @@ class OrderPlanner:
             coordinate=destination.coordinate,
             actions=self._operations.actions(
                 destination.operation,
-                {each.key: each.value for each in destination.properties},
+                {parameter.key: parameter.value for parameter in destination.properties},
                 location,
                 retriable=retriable,
             ),
@@ -216,12 +218,12 @@ class OrderPlanner:
         if not self._speed_limits:
             return unlimited
         profile = RoutingProfile.of(vehicle.model, self.plant.vehicle_types)
-        given = vehicle.model.model_fields_set if vehicle.model else ()
+        own_fields = vehicle.model.model_fields_set if vehicle.model else ()
         profile = replace(
             profile,
-            max_velocity_mm_s=profile.max_velocity_mm_s if "max_velocity_mm_s" in given else None,
+            max_velocity_mm_s=profile.max_velocity_mm_s if "max_velocity_mm_s" in own_fields else None,
             max_reverse_velocity_mm_s=(
-                profile.max_reverse_velocity_mm_s if "max_reverse_velocity_mm_s" in given else None
+                profile.max_reverse_velocity_mm_s if "max_reverse_velocity_mm_s" in own_fields else None
             ),
         )
         own = profile.max_velocity_mm_s

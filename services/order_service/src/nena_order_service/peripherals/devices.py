@@ -80,8 +80,8 @@ class Devices:
 
     def state(self, location: str) -> PeripheralState:
         """Return a device's own state; EXECUTING while it has a job, unless it reports a problem."""
-        known = self.reported(location)
-        return PeripheralState.EXECUTING if known.takes_jobs and location in self._executions else known
+        reported = self.reported(location)
+        return PeripheralState.EXECUTING if reported.takes_jobs and location in self._executions else reported
 
     def reported(self, location: str) -> PeripheralState:
         """Return the state that a device has reported last."""
@@ -92,9 +92,9 @@ class Devices:
 
         The job of a device that becomes unavailable has the whole execution timeout from then on.
         """
-        before, self._states[location] = self.reported(location), state
+        previous, self._states[location] = self.reported(location), state
         execution = self._executions.get(location)
-        if execution is None or before.takes_jobs == state.takes_jobs:
+        if execution is None or previous.takes_jobs == state.takes_jobs:
             return False
         execution.restart(now)
         return state.takes_jobs
@@ -140,7 +140,7 @@ class Devices:
 
     def overdue(self, now: float) -> list[Overdue]:
         """Return the jobs whose devices have not answered in time; those to be sent again count as sent."""
-        found = []
+        overdue = []
         for location, execution in self._executions.items():
             waited, state = now - execution.since, self.reported(location)
             if execution.acknowledged or not state.takes_jobs:
@@ -149,15 +149,15 @@ class Devices:
                     slow = Reason(R.DEVICE_SLOW, location=location, limit=timeout)
                     if not state.takes_jobs:
                         slow = Reason(R.DEVICE_SLOW_REPORTS, location=location, limit=timeout, reported=state)
-                    found.append(Overdue(execution.job, location, slow))
+                    overdue.append(Overdue(execution.job, location, slow))
             elif waited >= self._settings.acknowledge_timeout:
                 if execution.sends < self._settings.sends:
                     execution.sends, execution.since = execution.sends + 1, now
-                    found.append(Overdue(execution.job, location))
+                    overdue.append(Overdue(execution.job, location))
                 else:
                     silent = Reason(R.DEVICE_SILENT, location=location, count=execution.sends)
-                    found.append(Overdue(execution.job, location, silent))
-        return found
+                    overdue.append(Overdue(execution.job, location, silent))
+        return overdue
 
     def restart_times(self, now: float) -> None:
         """Let all times begin now, because devices could not be reached before."""

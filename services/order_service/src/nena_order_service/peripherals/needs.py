@@ -92,20 +92,20 @@ class NeedsFinder:
     def _of_paths(self, order_id: str, edges: Sequence[str]) -> Iterator[NeededOperation]:
         for step, edge in enumerate(edges):
             path = edge.removesuffix(BACKWARD_SUFFIX)
-            for place, each in enumerate(self._by_path.get(path, ())):
-                yield _needed_operation(JobKey(order_id, step, path, place), step, each)
+            for place, operation in enumerate(self._by_path.get(path, ())):
+                yield _needed_operation(JobKey(order_id, step, path, place), step, operation)
 
     def _of_destination(
         self, order_id: str, last: int, operations: Sequence[StepOperation]
     ) -> Iterator[NeededOperation]:
-        for place, each in enumerate(operations):
+        for place, operation in enumerate(operations):
             yield NeededOperation(
                 JobKey(order_id, DESTINATION, "", place),
                 last,
-                each.location,
-                each.operation,
-                each.execution_trigger,
-                each.completion_required,
+                operation.location,
+                operation.operation,
+                operation.execution_trigger,
+                operation.completion_required,
             )
 
 
@@ -125,12 +125,12 @@ NOTHING = RouteNeeds(())
 
 def devices_of(plant: PlantModel) -> dict[str, tuple[str, ...]]:
     """Return the locations with a device, and the operations that their types and the paths name."""
-    found: dict[str, dict[str, None]] = {}
+    devices: dict[str, dict[str, None]] = {}
     for location in plant.locations:
         kind = plant.location_types_by_name.get(location.type)
         if kind and kind.allowed_peripheral_operations:
-            found.setdefault(location.name, {}).update(dict.fromkeys(kind.allowed_peripheral_operations))
+            devices.setdefault(location.name, {}).update(dict.fromkeys(kind.allowed_peripheral_operations))
     for path in plant.paths:
         for operation in path.peripheral_operations:
-            found.setdefault(operation.location, {})[operation.name] = None
-    return {location: tuple(operations) for location, operations in found.items()}
+            devices.setdefault(operation.location, {})[operation.name] = None
+    return {location: tuple(operations) for location, operations in devices.items()}
