@@ -116,7 +116,7 @@ class Bench:
         return self.take(self.fleet.on_state(self.robot.key, self.robot.state(self.now), self.now))
 
     def start(self, vda_order: VdaOrder) -> Outputs:
-        return self.take(self.control.start(vda_order, self.now))
+        return self.take(self.control.start_order(vda_order, self.now))
 
     def start_and_tell(self, vda_order: VdaOrder) -> None:
         """Start a VDA order, have the robot get it, and hear so."""
@@ -125,10 +125,10 @@ class Bench:
         self.report()
 
     def cancel(self) -> Outputs:
-        return self.take(self.control.cancel(self.now))
+        return self.take(self.control.cancel_order(self.now))
 
     def instruct(self, action: Action) -> Outputs:
-        return self.take(self.control.instruct(action, self.now))
+        return self.take(self.control.send_instant_action(action, self.now))
 
     def tick(self) -> Outputs:
         return self.take(tuple(chain.from_iterable(self.fleet.tick(self.now))))

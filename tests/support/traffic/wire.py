@@ -128,22 +128,22 @@ class CoreFleet:
         self._wire.bring(("order", robot.key), arrives)
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
-        self._take(self.core.control(robot).start(vda_order, self.now))
+        self._take(self.core.control(robot).start_order(vda_order, self.now))
 
     def adopt_vda_order(
         self, robot: RobotKey, vda_order: VdaOrder, *, accepted: bool, update_id: int = 0
     ) -> None:
         control = self.core.control(robot)
-        self._take(control.adopt(vda_order, self.now, accepted=accepted, update_id=update_id))
+        self._take(control.adopt_order(vda_order, self.now, accepted=accepted, update_id=update_id))
 
     def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
-        self._take(self.core.control(robot).extend(vda_order, self.now))
+        self._take(self.core.control(robot).extend_order(vda_order, self.now))
 
     def cancel_vda_order(self, robot: RobotKey) -> None:
-        self._take(self.core.control(robot).cancel(self.now))
+        self._take(self.core.control(robot).cancel_order(self.now))
 
     def instant_action(self, robot: RobotKey, action: Action) -> None:
-        self._take(self.core.control(robot).instruct(action, self.now))
+        self._take(self.core.control(robot).send_instant_action(action, self.now))
 
     def all_known(self) -> bool:
         return self.core.all_known(self.now)

@@ -70,9 +70,9 @@ class Fleet:
                 yield from self.controller.on_state(self.robot, message, now)
             case Order() as order:
                 vda_order = VdaOrder(order_id=order.order_id, nodes=order.nodes, edges=order.edges)
-                yield from self.controller.control(self.robot).start(vda_order, now)
+                yield from self.controller.control(self.robot).start_order(vda_order, now)
             case InstantActions() as message if message.actions[0].action_id in self.cancel_ids[:1]:
-                yield from self.controller.control(self.robot).cancel(now)
+                yield from self.controller.control(self.robot).cancel_order(now)
 
     def news(self, *kinds: type[FleetOutput]) -> list[FleetOutput]:
         return [each for each in self.outputs if isinstance(each, kinds)]

@@ -181,7 +181,7 @@ def test_all_robots_that_have_reported_are_asked_again_those_with_an_order_first
         fleet.on_factsheet(robot.key, robot.factsheet(), now)
         fleet.on_connection(robot.key, robot.connection(ConnectionState.ONLINE, now), now)
         fleet.on_state(robot.key, robot.state(now), now)
-    tuple(fleet.control(robots[-1].key).start(make_vda_order("m", "A", "B"), now))
+    tuple(fleet.control(robots[-1].key).start_order(make_vda_order("m", "A", "B"), now))
     assert tick() == []
 
     fleet.on_broker(connected=False, now=now)

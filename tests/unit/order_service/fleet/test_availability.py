@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.fleet.availability import significant_fields, vehicle_state
+from nena_order_service.fleet.availability import significant_fields, vehicle_state_of
 from nena_order_service.fleet.outputs import RobotChanged
 from nena_order_service.fleet.robot import POSITION_WITHIN, LinkStatus, VdaOrderPhase
 from nena_shared.fleet_api.vehicle import VehicleState
@@ -177,7 +177,7 @@ def test_a_running_instant_action_does_not_keep_a_robot_from_orders() -> None:
     ],
 )
 def test_the_vehicle_state_of_opentcs(fields: dict[str, Any], expected: VehicleState) -> None:
-    assert vehicle_state(state(**fields), LinkStatus.ONLINE, ()) is expected
+    assert vehicle_state_of(state(**fields), LinkStatus.ONLINE, ()) is expected
 
 
 def place(x: float, **fields: Any) -> dict[str, Any]:

@@ -309,7 +309,7 @@ def extending(settings: FleetSettings | None = None) -> Bench:
     """Return a robot that drives to B, is to continue to C, and has not received that update."""
     bench = Bench(settings).online()
     bench.start_and_tell(released_to(long_way(), 2))
-    bench.take(bench.control.extend(long_way(), bench.now))
+    bench.take(bench.control.extend_order(long_way(), bench.now))
     bench.lose()
     return bench
 
@@ -352,7 +352,7 @@ def test_updates_respect_the_minimum_interval_too() -> None:
     bench = Bench(FleetSettings(resend_after=0.25)).online()
     bench.take(bench.fleet.on_factsheet(ROBOT, slow_factsheet(), bench.now))
     bench.start_and_tell(released_to(long_way(), 2))
-    bench.take(bench.control.extend(long_way(), bench.now))
+    bench.take(bench.control.extend_order(long_way(), bench.now))
     bench.wait(2.75)
     assert bench.orders_sent() == ["m"]
     bench.wait(0.25)
@@ -362,14 +362,14 @@ def test_updates_respect_the_minimum_interval_too() -> None:
 def test_without_a_vda_order_there_is_nothing_to_cancel_or_to_extend() -> None:
     bench = Bench().online()
     assert bench.cancel() == ()
-    assert bench.take(bench.control.extend(long_way(), bench.now)) == ()
+    assert bench.take(bench.control.extend_order(long_way(), bench.now)) == ()
     assert bench.sent == []
 
 
 def test_an_extension_of_another_vda_order_is_ignored() -> None:
     bench = Bench().online()
     bench.start_and_tell(released_to(long_way(), 2))
-    bench.take(bench.control.extend(make_vda_order("n", "A", "B", "C"), bench.now))
+    bench.take(bench.control.extend_order(make_vda_order("n", "A", "B", "C"), bench.now))
     bench.wait(5)
     assert bench.orders_sent() == ["m"]
 
@@ -429,15 +429,15 @@ def test_a_robot_executing_its_order_is_quiet() -> None:
     settings = FleetSettings()
     control = RobotControl(ROBOT, settings, lambda: "id", broker=True)
     robot = HonestRobot()
-    quiet = [control.quiet]
+    quiet = [control.is_quiet]
     tuple(control.on_factsheet(robot.factsheet(), 0.0))
     tuple(control.on_state(robot.state(), 0.0))
-    (order, _) = control.start(make_vda_order("m", "A", "B"), 0.0)
+    (order, _) = control.start_order(make_vda_order("m", "A", "B"), 0.0)
     assert isinstance(order, PublishOrder)
-    quiet.append(control.quiet)
+    quiet.append(control.is_quiet)
     hand_over(order, robot)
     tuple(control.on_state(robot.state(), 1.0))
-    quiet.append(control.quiet)
+    quiet.append(control.is_quiet)
     assert quiet == [True, False, True], "before it is confirmed the order may have to be sent again"
     assert tuple(control.tick(2.0)) == ()
     assert tuple(control.tick(2.0 + settings.silent_after)) == (RobotChanged(ROBOT),), "it is silent now"

@@ -179,7 +179,7 @@ class Conversation(RuleBasedStateMachine):
             known = vda_order in self.accepted
             self.adopted.add(vda_order)
             self.accepted.discard(vda_order)
-            self.take(bench.control.adopt(self.missions[vda_order], bench.now, accepted=known))
+            self.take(bench.control.adopt_order(self.missions[vda_order], bench.now, accepted=known))
             if vda_order in self.cancelled:
                 bench.cancel()
         bench.fleet.on_broker(connected=self.broker, now=bench.now)

@@ -376,25 +376,25 @@ def alone(robot: HonestRobot | None = None, **arrays: int) -> InstantActionManag
 def test_due_actions_are_split_by_the_robots_limit() -> None:
     manager = alone(instant_actions=2)
     for number in range(5):
-        assert list(manager.request(action("startPause", f"i{number}"), 0.0)) == []
-    sent = [len(each.actions) for each in manager.send(0.0) if isinstance(each, PublishInstantActions)]
+        assert list(manager.begin_requested(action("startPause", f"i{number}"), 0.0)) == []
+    sent = [len(each.actions) for each in manager.send_due(0.0) if isinstance(each, PublishInstantActions)]
     assert sent == [2, 2, 1]
-    assert list(manager.send(0.0)) == [], "it waits for what the robot says"
+    assert list(manager.send_due(0.0)) == [], "it waits for what the robot says"
 
 
 def test_without_our_own_link_nothing_starts_and_started_actions_wait() -> None:
     manager = alone()
-    cancel = manager.cancel("m")
+    cancel = manager.begin_cancel("m")
     manager.broker = False
-    (refused,) = manager.request(action("startPause"), 0.0)
+    (refused,) = manager.begin_requested(action("startPause"), 0.0)
     assert isinstance(refused, InstantActionEnded)
     assert "no connection to the MQTT broker" in str(refused.reason)
-    assert (manager.can_cancel(0.0), manager.cancelling) == (False, True)
-    assert list(manager.send(0.0)) == []
+    assert (manager.can_cancel(0.0), manager.is_cancelling) == (False, True)
+    assert list(manager.send_due(0.0)) == []
     assert list(manager.on_tick(1000.0)) == []
     assert cancel.outcome is None
     manager.broker = True
-    assert len(list(manager.send(1000.0))) == 1
+    assert len(list(manager.send_due(1000.0))) == 1
 
 
 @pytest.mark.clause("6.2.3/clearInstantActions")
@@ -402,7 +402,7 @@ def test_a_clear_without_room_starts_once_there_is_room() -> None:
     robot = clearer()
     manager = alone(robot)
     for number in range(INSTANT_ACTIONS_LIMIT):
-        list(manager.request(action("startPause", f"i{number}"), 0.0))
+        list(manager.begin_requested(action("startPause", f"i{number}"), 0.0))
     robot.instants["old"] = (action("startPause", "old"), ActionStatus.FINISHED)
     list(manager.on_state(robot.state(), 1.0))
     assert not any("clear" in each for each in sent_types(manager, 1.0))
@@ -429,7 +429,7 @@ def test_a_robot_that_does_not_clear_is_sent_it_again_after_a_delay() -> None:
 
 
 def sent_types(manager: InstantActionManager, now: float) -> list[str]:
-    sent = (each for each in manager.send(now) if isinstance(each, PublishInstantActions))
+    sent = (each for each in manager.send_due(now) if isinstance(each, PublishInstantActions))
     return [each.action_type for message in sent for each in message.actions]
 
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_order_service.fleet.failures import FailureKind
-from nena_order_service.fleet.order_execution import OrderExecution, read
+from nena_order_service.fleet.order_execution import OrderExecution, read_progress
 from nena_order_service.fleet.outputs import (
     FleetOutput,
     NodePassed,
@@ -534,7 +534,7 @@ def test_an_adopted_running_vda_order_continues(accepted: bool) -> None:  # noqa
     bench.deliver()
     bench.robot.step()
     again = Bench(robot=bench.robot)
-    again.take(again.control.adopt(vda_order, again.now, accepted=accepted))
+    again.take(again.control.adopt_order(vda_order, again.now, accepted=accepted))
     again.online()
     assert again.orders_sent() == []
     assert [each.node_id for each in again.told(NodePassed)] == ["A", "B"]
@@ -549,14 +549,14 @@ def test_an_adopted_vda_order_that_is_done_is_finished() -> None:
     bench.start(vda_order)
     bench.run()
     again = Bench(robot=bench.robot)
-    again.take(again.control.adopt(vda_order, again.now, accepted=True))
+    again.take(again.control.adopt_order(vda_order, again.now, accepted=True))
     again.online()
     assert again.story() == ["VdaOrderAccepted", "NodePassed", "NodePassed", "VdaOrderFinished"]
 
 
 def test_an_adopted_vda_order_that_never_arrived_is_sent() -> None:
     bench = Bench()
-    bench.take(bench.control.adopt(make_vda_order("m", "A", "B"), bench.now, accepted=False))
+    bench.take(bench.control.adopt_order(make_vda_order("m", "A", "B"), bench.now, accepted=False))
     bench.wait(5)
     assert bench.sent == [], "nothing is known of the robot yet"
     bench.online()
@@ -569,7 +569,7 @@ def test_an_adopted_vda_order_that_never_arrived_is_sent() -> None:
 @pytest.mark.clause("6.6/restart")
 def test_an_adopted_vda_order_that_the_robot_has_lost_fails() -> None:
     bench = Bench()
-    bench.take(bench.control.adopt(make_vda_order("m", "A", "B"), bench.now, accepted=True))
+    bench.take(bench.control.adopt_order(make_vda_order("m", "A", "B"), bench.now, accepted=True))
     bench.online()
     assert "no longer has the order" in str(failure(bench).reason)
     assert bench.sent == []
@@ -581,7 +581,7 @@ def test_an_adopted_vda_order_can_be_cancelled_before_anything_is_known() -> Non
     first.start(vda_order)
     first.deliver()
     bench = Bench(robot=first.robot)
-    bench.take(bench.control.adopt(vda_order, bench.now, accepted=False))
+    bench.take(bench.control.adopt_order(vda_order, bench.now, accepted=False))
     bench.cancel()
     assert bench.ends() == {}
     bench.online()
@@ -593,7 +593,7 @@ def test_an_adopted_vda_order_can_be_cancelled_before_anything_is_known() -> Non
 
 def test_an_old_vda_order_that_may_still_arrive_is_cancelled() -> None:
     bench = Bench()
-    bench.take(bench.control.adopt(make_vda_order("m", "A", "B"), bench.now, accepted=False))
+    bench.take(bench.control.adopt_order(make_vda_order("m", "A", "B"), bench.now, accepted=False))
     bench.cancel()
     bench.online()
     assert bench.ends() == {}  # the robot knows nothing of it yet, but the broker may have it
@@ -638,8 +638,8 @@ def test_an_action_waits_is_sent_and_is_resent() -> None:
     run = fresh()
 
     def stands(now: float) -> tuple[VdaOrderPhase, bool, bool]:
-        assert not run.quiet
-        return run.phase, run.is_due(now), run.sent_again
+        assert not run.is_quiet
+        return run.phase, run.is_due(now), run.is_resent
 
     assert stands(0.0) == (VdaOrderPhase.WAITING, True, False)
     assert run.send((), 0.0) == PublishOrder(ROBOT, run.vda_order)
@@ -771,5 +771,5 @@ def test_a_failed_edge_action_counts_only_until_the_edge_is_left(ahead: list[str
     edge = whole.edges[0].model_copy(update={"actions": (horn,)})
     vda_order = whole.model_copy(update={"edges": (edge,)})
     told = [{"action_id": "h", "action_type": "horn", "action_status": "FAILED"}]
-    progress = read(state(order_id="m", **way(*ahead), action_states=told), vda_order)
+    progress = read_progress(state(order_id="m", **way(*ahead), action_states=told), vda_order)
     assert [each.action_id for each in progress.failed] == failed

@@ -19,9 +19,9 @@ SETTINGS = st.builds(
 def sendings(delivery: Delivery, begin: float = 100.0) -> list[float]:
     """Send whenever it is due, checked each tenth of a second, until it has failed."""
     times, now = [], begin
-    while not delivery.failed(now):
-        if delivery.due(now):
-            delivery.sent(now)
+    while not delivery.has_failed(now):
+        if delivery.is_due(now):
+            delivery.note_sent(now)
             times.append(now)
         now = round(now + 0.1, 1)
     return times
@@ -42,38 +42,38 @@ def test_after_an_outage_delivery_restarts_at_once(settings: FleetSettings) -> N
     delivery = Delivery(settings)
     sendings(delivery)
 
-    delivery.hold()
+    delivery.restart()
 
-    assert delivery.due(0.0)
+    assert delivery.is_due(0.0)
     assert delivery.in_all == settings.sendings
     assert len(sendings(delivery)) == settings.sendings
 
 
 def test_an_unnamed_refusal_triggers_a_resend_and_counts_after_the_delay() -> None:
     delivery = Delivery(FleetSettings(sendings=3, resend_after=5.0))
-    delivery.sent(100.0)
-    assert not delivery.due(101.0)
+    delivery.note_sent(100.0)
+    assert not delivery.is_due(101.0)
 
     assert not delivery.is_refused(101.0, named=False)
-    assert delivery.due(101.0)
-    delivery.sent(101.0)
+    assert delivery.is_due(101.0)
+    delivery.note_sent(101.0)
     assert not delivery.is_refused(101.1, named=False)
-    assert not delivery.due(101.1)
+    assert not delivery.is_due(101.1)
     assert delivery.is_refused(106.0, named=False)
 
 
 def test_a_refusal_counts_if_it_names_the_message_or_no_attempts_are_left() -> None:
     delivery = Delivery(FleetSettings(sendings=1, resend_after=5.0))
     assert delivery.is_refused(100.0, named=True)
-    delivery.sent(100.0)
+    delivery.note_sent(100.0)
     assert delivery.is_refused(101.0, named=False)
 
 
 def test_a_refusal_from_before_an_outage_does_not_count() -> None:
     delivery = Delivery(FleetSettings(sendings=3, resend_after=5.0))
-    delivery.sent(100.0)
+    delivery.note_sent(100.0)
     delivery.is_refused(101.0, named=False)
 
-    delivery.hold()
+    delivery.restart()
 
     assert not delivery.is_refused(200.0, named=False)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.fleet.order_execution import read
+from nena_order_service.fleet.order_execution import read_progress
 from nena_order_service.fleet.robot import LinkStatus, MessageOrder, Robot
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.vda5050.connection import ConnectionState
@@ -21,8 +21,8 @@ def robot() -> Robot:
 
 
 def test_a_robot_without_messages_is_unknown(robot: Robot) -> None:
-    assert robot.link(1e9) is LinkStatus.UNKNOWN
-    assert not robot.reachable
+    assert robot.link_status(1e9) is LinkStatus.UNKNOWN
+    assert not robot.is_reachable
 
 
 @pytest.mark.clause("6.5/fleet")
@@ -30,28 +30,28 @@ def test_a_robot_without_messages_is_unknown(robot: Robot) -> None:
 def test_an_offline_robot_does_not_become_silent(robot: Robot, told: str) -> None:
     robot.take_state(state(), 0.0)
     robot.take_connection(connection(told), 1.0)
-    assert robot.link(1e9) is LinkStatus(told)
-    assert not robot.reachable
+    assert robot.link_status(1e9) is LinkStatus(told)
+    assert not robot.is_reachable
 
 
 @pytest.mark.clause("6.5/fleet")
 def test_a_robot_with_an_old_state_is_silent_even_without_a_will(robot: Robot) -> None:
     robot.take_connection(connection(), 0.0)
     robot.take_state(state(), 10.0)
-    assert robot.link(45.0) is LinkStatus.ONLINE
-    assert robot.link(45.1) is LinkStatus.SILENT
-    assert robot.reachable, "only the robot itself or its will says that it is away"
+    assert robot.link_status(45.0) is LinkStatus.ONLINE
+    assert robot.link_status(45.1) is LinkStatus.SILENT
+    assert robot.is_reachable, "only the robot itself or its will says that it is away"
 
 
 @pytest.mark.clause("6.5/fleet")
 def test_a_robot_that_is_online_and_never_reports_is_silent(robot: Robot) -> None:
     robot.take_connection(connection(), 0.0)
-    assert robot.link(35.1) is LinkStatus.SILENT
+    assert robot.link_status(35.1) is LinkStatus.SILENT
 
 
 def test_a_robot_that_reports_without_a_connection_message_is_online(robot: Robot) -> None:
     robot.take_state(state(), 0.0)
-    assert robot.link(1.0) is LinkStatus.ONLINE
+    assert robot.link_status(1.0) is LinkStatus.ONLINE
 
 
 @pytest.mark.clause("7.10/interval")
@@ -61,8 +61,8 @@ def test_the_usual_interval_of_the_robot_counts(
 ) -> None:
     robot.take_factsheet(factsheet(state_interval=interval))
     robot.take_state(state(), 0.0)
-    assert robot.link(silent_after) is LinkStatus.ONLINE
-    assert robot.link(silent_after + 0.1) is LinkStatus.SILENT
+    assert robot.link_status(silent_after) is LinkStatus.ONLINE
+    assert robot.link_status(silent_after + 0.1) is LinkStatus.SILENT
 
 
 @pytest.mark.clause("6.5/fleet")
@@ -70,7 +70,7 @@ def test_a_state_after_a_will_means_online(robot: Robot) -> None:
     robot.take_state(state(1), 0.0)
     robot.take_connection(connection("CONNECTION_BROKEN"), 1.0)
     assert robot.take_state(state(2, at=2.0), 2.0)
-    assert robot.link(2.0) is LinkStatus.ONLINE
+    assert robot.link_status(2.0) is LinkStatus.ONLINE
 
 
 @pytest.mark.clause("7.2/headerId")
@@ -85,7 +85,7 @@ def test_an_old_state_changes_nothing(robot: Robot) -> None:
 def test_a_repeated_state_does_not_prevent_silence(robot: Robot) -> None:
     robot.take_state(state(5), 0.0)
     assert not robot.take_state(state(5), 30.0)
-    assert robot.link(40.0) is LinkStatus.SILENT
+    assert robot.link_status(40.0) is LinkStatus.SILENT
 
 
 @pytest.mark.clause("6.5/fleet", "7.2/headerId")
@@ -228,21 +228,21 @@ MISSION = make_vda_order("m", "A", "B")
 def test_a_robot_that_lists_its_first_node_has_not_passed_it() -> None:
     listed = [{"node_id": "A", "sequence_id": 0, "released": True}, *_to_b()]
 
-    progress = read(state(order_id="m", last_node_id="A", node_states=listed), MISSION)
+    progress = read_progress(state(order_id="m", last_node_id="A", node_states=listed), MISSION)
 
-    assert (progress.passed, progress.done) == (-1, False)
+    assert (progress.passed, progress.is_done) == (-1, False)
 
 
 @pytest.mark.clause("6.6.2/first", "6.6.2/fleet")
 def test_a_robot_that_does_not_list_it_stays_there() -> None:
-    assert read(state(order_id="m", last_node_id="A", node_states=_to_b()), MISSION).passed == 0
+    assert read_progress(state(order_id="m", last_node_id="A", node_states=_to_b()), MISSION).passed == 0
 
 
 @pytest.mark.clause("6.6.2/fleet")
 def test_a_sequence_id_of_the_previous_order_does_not_count() -> None:
     late = state(order_id="m", last_node_id="A", last_node_sequence_id=8, node_states=_to_b())
 
-    assert read(late, MISSION).passed < MISSION.last_sequence_id
+    assert read_progress(late, MISSION).passed < MISSION.last_sequence_id
 
 
 def _to_b() -> list[dict[str, object]]:
@@ -257,5 +257,5 @@ def test_an_order_is_not_finished_before_its_last_node_is_reached() -> None:
         "order_id": "m",
         "last_node_sequence_id": 2,
     }
-    assert not read(state(last_node_id="A", **empty), vda_order).done
-    assert read(state(last_node_id="B", **empty), vda_order).done
+    assert not read_progress(state(last_node_id="A", **empty), vda_order).is_done
+    assert read_progress(state(last_node_id="B", **empty), vda_order).is_done

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from nena_order_service.fleet.feasibility import fitted, order_problem
-from nena_order_service.fleet.order_execution import read
+from nena_order_service.fleet.order_execution import read_progress
 from nena_order_service.fleet.position import RobotProfile, Standing
 from nena_order_service.fleet.robot import Abilities
 from nena_order_service.fleet.type_rules import TypeRules
@@ -273,7 +273,7 @@ def test_a_required_action_en_route_does_not_start_the_operation() -> None:
 
     def operating(action_id: str) -> bool:
         running = ActionState(action_id=action_id, action_status=ActionStatus.RUNNING)
-        return read(state(order_id="m", node_states=ahead, action_states=(running,)), made).operating
+        return read_progress(state(order_id="m", node_states=ahead, action_states=(running,)), made).operating
 
     assert not operating(beep.action_id)
     assert operating(pick.action_id)

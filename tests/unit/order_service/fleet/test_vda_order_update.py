@@ -57,7 +57,7 @@ def started(count: int = 2, **robot: Any) -> Bench:
 
 
 def extend(bench: Bench, vda_order: VdaOrder) -> None:
-    bench.take(bench.control.extend(vda_order, bench.now))
+    bench.take(bench.control.extend_order(vda_order, bench.now))
 
 
 class TestTheCut:
@@ -270,7 +270,7 @@ def test_after_a_restart_the_rest_is_sent_to_a_robot_that_has_an_older_update(*,
     after.now = 500.0
     after.fleet.on_broker(connected=True, now=after.now)
     after.tick()
-    after.take(after.control.adopt(base(4), after.now, accepted=True, update_id=1))
+    after.take(after.control.adopt_order(base(4), after.now, accepted=True, update_id=1))
     after.online()
 
     assert updates(after) == ([] if arrived else [(1, ["B", "C", "D"], ["E"])])
@@ -305,7 +305,7 @@ def test_an_update_repeats_its_first_node_as_it_was_sent_before_a_restart() -> N
     after.now = 500.0
     after.online()
     lists_little(after)
-    after.take(after.control.adopt(base(2), after.now, accepted=True))
+    after.take(after.control.adopt_order(base(2), after.now, accepted=True))
     after.report()
 
     extend(after, base(4))
@@ -323,7 +323,7 @@ def test_after_a_restart_an_update_has_no_speeds_for_a_robot_without_a_factsheet
     after.robot.take_order(order_of(base(2), after.robot))
     after.fleet.on_broker(connected=True, now=after.now)
     after.tick()
-    after.take(after.control.adopt(base(4, whole), after.now, accepted=True, update_id=1))
+    after.take(after.control.adopt_order(base(4, whole), after.now, accepted=True, update_id=1))
     after.report()
 
     sent = [each.vda_order for each in after.sent if isinstance(each, PublishOrder)]

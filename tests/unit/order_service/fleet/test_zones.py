@@ -47,7 +47,7 @@ class Releases:
         self.manager.on_state(robot, asking)
 
     def answers(self, *, all_known: bool = True) -> dict[str, str]:
-        told = self.manager.answers(
+        told = self.manager.take_due_answers(
             self.now, all_known=all_known, reachable=lambda robot: robot not in self.away
         )
         return {each.request_id: each.grant_type.value for one in told for each in one.responses}
@@ -197,7 +197,7 @@ def test_a_lease_is_renewed_before_it_ends() -> None:
     releases = Releases(release_lease=10.0)
     releases.ask(ONE, gate("a"))
     (answer,) = next(
-        releases.manager.answers(releases.now, all_known=True, reachable=lambda _: True)
+        releases.manager.take_due_answers(releases.now, all_known=True, reachable=lambda _: True)
     ).responses
     assert answer.lease_expiry is not None
     assert (answer.lease_expiry - NOON).total_seconds() == 10.0

@@ -12,7 +12,7 @@ from nena_order_service.engine.peripherals import Peripherals
 from nena_order_service.engine.positions import Positions
 from nena_order_service.engine.stops import CLOSED, Stops
 from nena_order_service.fleet.failures import FailureKind, RobotBusyError
-from nena_order_service.fleet.instant_actions import state_request
+from nena_order_service.fleet.instant_actions import STATE_REQUEST, without_parameters
 from nena_order_service.fleet.outputs import FleetOutput, VdaOrderFailed
 from nena_order_service.fleet.position import NotLocatedError, Standing, TooFarError
 from nena_order_service.fleet.robot import LinkStatus
@@ -627,7 +627,7 @@ class Driving:
     def _come_to_rest(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
         self.positions.forget_sighting(vehicle, doubt=doubt)
         if doubt:
-            ask = state_request(unique_id())
+            ask = without_parameters(STATE_REQUEST, unique_id())
             self._state.after_commit(lambda: self._context.fleet.instant_action(vehicle.key, ask))
         self.positions.see(vehicle)
         self._state.drive_due = True

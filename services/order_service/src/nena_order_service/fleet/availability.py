@@ -22,7 +22,7 @@ LINK_REASONS: Final = {
 }
 
 
-def away(
+def why_away(
     link: LinkStatus, unreadable: Reason | None = None, *, broker: bool, unread: bool = False
 ) -> Reason | None:
     """Return, as a predicate, why the robot cannot be reached; None if it can.
@@ -39,7 +39,7 @@ def away(
     return LINK_REASONS.get(link)
 
 
-def occupied(state: State, instant_ids: Collection[str]) -> Reason | None:
+def why_occupied(state: State, instant_ids: Collection[str]) -> Reason | None:
     """Return, as a predicate, why a reachable robot is not free for a new order (section 6.6.8), or None."""
     if not state.operating_mode.takes_orders:
         return Reason(R.IN_MODE, mode=state.operating_mode)
@@ -48,45 +48,43 @@ def occupied(state: State, instant_ids: Collection[str]) -> Reason | None:
     return None
 
 
-def unfit(state: State, *, placed: bool) -> Reason | None:
+def why_unfit(state: State, *, placed: bool) -> Reason | None:
     """Return, as a predicate, why a free robot would refuse or could not drive an order; or None.
 
     ``placed``: the robot reports its position in general.
     """
-    error = failures.fatal(state.errors)
+    error = failures.first_fatal(state.errors)
     if error is not None:
-        return Reason(R.FATAL_ERROR, failures.describe(error))
-    if waiting := _without_navigation(state):
+        return Reason(R.FATAL_ERROR, failures.describe_error(error))
+    if waiting := _why_without_navigation(state):
         return waiting
-    return Reason(R.NOT_LOCALISED) if lost(state, placed=placed) else None
+    return Reason(R.NOT_LOCALISED) if is_lost(state, placed=placed) else None
 
 
-def lost(state: State, *, placed: bool) -> bool:
-    """Return whether a robot is not localised; ``placed`` as for :func:`unfit`.
-
-    After a robot's start, states may arrive before its localisation has reported a pose.
-    """
+def is_lost(state: State, *, placed: bool) -> bool:
+    """Return whether a robot is not localised; ``placed`` as for :func:`why_unfit`."""
     position = state.mobile_robot_position
+    # After a start, states arrive before the localisation has reported its first pose (Nav2: AMCL).
     return placed if position is None else not position.localized
 
 
-def cannot_drive(state: State) -> Reason | None:
+def why_not_driving(state: State) -> Reason | None:
     """Return, as a predicate, why a robot that accepts orders cannot drive now; None if it can."""
     if state.safety_state.active_emergency_stop is not EmergencyStop.NONE:
         return Reason(R.EMERGENCY_STOP)
-    return Reason(R.IS_PAUSED) if state.paused else _without_navigation(state)
+    return Reason(R.IS_PAUSED) if state.paused else _why_without_navigation(state)
 
 
-def _without_navigation(state: State) -> Reason | None:
-    waiting = failures.no_navigation(state.errors)
-    return Reason(R.NO_NAVIGATION, failures.describe(waiting)) if waiting else None
+def _why_without_navigation(state: State) -> Reason | None:
+    waiting = (error for error in state.errors if error.error_type in failures.NO_NAVIGATION)
+    return next((Reason(R.NO_NAVIGATION, failures.describe_error(error)) for error in waiting), None)
 
 
-def vehicle_state(state: State | None, link: LinkStatus, instant_ids: Collection[str]) -> VehicleState:
+def vehicle_state_of(state: State | None, link: LinkStatus, instant_ids: Collection[str]) -> VehicleState:
     """Return the vehicle state (openTCS); UNKNOWN for a robot that does not report."""
     if state is None or link is not LinkStatus.ONLINE:
         return VehicleState.UNKNOWN
-    if failures.fatal(state.errors) is not None:
+    if failures.first_fatal(state.errors) is not None:
         return VehicleState.ERROR
     if not state.operating_mode.takes_orders:
         return VehicleState.UNAVAILABLE
@@ -98,8 +96,7 @@ def vehicle_state(state: State | None, link: LinkStatus, instant_ids: Collection
 def significant_fields(state: State) -> tuple[object, ...]:
     """Return the significant fields of a state: those on which VDA orders and events depend.
 
-    Position and fractions of the charge are left out. Of the remaining nodes and edges, the first node and
-    whether there are edges suffice, because all others follow from them.
+    Position and fractions of the charge are left out.
     """
     power, position = state.power_supply, state.mobile_robot_position
     return (
@@ -107,6 +104,7 @@ def significant_fields(state: State) -> tuple[object, ...]:
         state.order_update_id,
         state.last_node_id,
         state.last_node_sequence_id,
+        # 6.6.2: nodes and edges leave the lists from the front, so the first one tells all of them.
         state.node_states[0].sequence_id if state.node_states else None,
         bool(state.edge_states),
         state.action_states,
@@ -120,10 +118,10 @@ def significant_fields(state: State) -> tuple[object, ...]:
         int(power.state_of_charge),
         power.charging,
         position and (position.map_id, position.localized),
-        equipment(state),
+        equipment_of(state),
     )
 
 
-def equipment(state: State) -> tuple[object, ...]:
+def equipment_of(state: State) -> tuple[object, ...]:
     """Return the load positions and maps of a robot, as far as the dispatcher needs them."""
     return state.loads and tuple(load.load_position for load in state.loads), state.maps

@@ -9,10 +9,10 @@ from datetime import UTC, datetime
 from typing import Final
 
 from nena_order_service.fleet import availability
-from nena_order_service.fleet.availability import equipment, significant_fields
+from nena_order_service.fleet.availability import equipment_of, significant_fields
 from nena_order_service.fleet.failures import RobotBusyError
 from nena_order_service.fleet.feasibility import fitted, order_problem
-from nena_order_service.fleet.instant_actions import STATE_REQUEST, InstantActionManager, state_request
+from nena_order_service.fleet.instant_actions import STATE_REQUEST, InstantActionManager, without_parameters
 from nena_order_service.fleet.order_execution import OrderExecution
 from nena_order_service.fleet.outputs import (
     BrokerLinkChanged,
@@ -89,7 +89,7 @@ class RobotControl:
         """The significant fields of the last state."""
         self._left_at = -1
         """The number of changes when the last state was handled."""
-        self._seen: tuple[tuple[object, ...], RobotView] | None = None
+        self._last_view: tuple[tuple[object, ...], RobotView] | None = None
 
     def on_broker(self, *, connected: bool, unread: bool) -> None:
         """Note the state of our own link; for ``unread`` see :meth:`FleetController.on_broker`."""
@@ -102,11 +102,11 @@ class RobotControl:
     def on_connection(self, message: Connection, now: float) -> Iterator[FleetOutput]:
         """Handle a connection message (section 6.5)."""
         if self.robot.take_connection(message, now):
-            self._instant_actions.reconnected()
-            self.unasked = self.robot.reachable and (self.robot.state is None or self.robot.stale)
+            self._instant_actions.on_reconnect()
+            self.unasked = self.robot.is_reachable and (self.robot.state is None or self.robot.stale)
             if self._run and self.robot.stale:
                 self._run.doubt_position()
-        yield from self._instant_actions.on_link(self.robot.link(now))
+        yield from self._instant_actions.on_link(self.robot.link_status(now))
         yield from self._send_and_report(now)
 
     def on_factsheet(self, message: Factsheet, now: float) -> Iterator[FleetOutput]:
@@ -138,7 +138,7 @@ class RobotControl:
 
     def on_old_state(self, header: str, last: str, now: float) -> Iterator[FleetOutput]:
         """Handle a state that is ignored, because its ``header`` does not come after the ``last`` one."""
-        self.robot.take_old(header, last, now)
+        self.robot.take_old_state(header, last, now)
         self._changes += 1
         yield StateIgnored(self.robot.key)
         yield from self._report_change(now)
@@ -151,42 +151,33 @@ class RobotControl:
             yield from self.on_old_state(header, self.robot.last_header, now)
             return
         self.unasked = False
-        if was_unreadable:
+        if was_unreadable or self.robot.placed != placed or self._instant_actions.unread:
             self._changes += 1
-        if self.robot.placed != placed:
-            self._changes += 1
-        if self._instant_actions.unread:
-            self._instant_actions.unread = False
-            self._changes += 1
-        if not self._is_unchanged(message):
-            yield from self._take_state(message, now)
+        self._instant_actions.unread = False
+        if not self._is_repetition(message):
+            for event in self._instant_actions.on_state(message, now):
+                if self._run:
+                    self._run.on_event(event)
+                yield event
+            if self._run:
+                if availability.is_lost(message, placed=self.robot.placed):
+                    self._run.doubt_position()
+                yield from self._run.on_state(message, now)
+            yield from self._send_and_report(now)
         self._left_at = self._changes
 
-    def _is_unchanged(self, message: State) -> bool:
-        """Return whether a state has the significant fields of the last one, and nothing else is to be done.
-
-        Stopping strays, clearing instant actions and requesting factsheets depend on the time, even while
-        states stay the same.
-        """
+    def _is_repetition(self, message: State) -> bool:
+        """Return whether a state is like the last one in what matters, and nothing else is to be done."""
         previous, self._significant = self._significant, significant_fields(message)
-        if self._significant != previous or self._changes != self._left_at or not self.quiet:
+        if self._significant != previous or self._changes != self._left_at or not self.is_quiet:
             return False
+        # Clearing instant actions, requesting factsheets and stopping strays depend on the time, and are
+        # therefore due at some state that is like the one before.
         if message.instant_action_states or self.robot.abilities is None:
             return False
         return self._run is not None or is_idle(message, self._instant_actions.ids)
 
-    def _take_state(self, message: State, now: float) -> Iterator[FleetOutput]:
-        for event in self._instant_actions.on_state(message, now):
-            if self._run:
-                self._run.on_event(event)
-            yield event
-        if self._run:
-            if availability.lost(message, placed=self.robot.placed):
-                self._run.doubt_position()
-            yield from self._run.on_state(message, now)
-        yield from self._send_and_report(now)
-
-    def start(self, vda_order: VdaOrder, now: float) -> Iterator[FleetOutput]:
+    def start_order(self, vda_order: VdaOrder, now: float) -> Iterator[FleetOutput]:
         """Send a VDA order as soon as the robot can be sent one; until then the view has the wait reason.
 
         Raises:
@@ -194,7 +185,7 @@ class RobotControl:
         """
         return self._begin_order(OrderExecution(self.robot.key, vda_order, self._settings), now)
 
-    def adopt(
+    def adopt_order(
         self, vda_order: VdaOrder, now: float, *, accepted: bool, update_id: int = 0
     ) -> Iterator[FleetOutput]:
         """Adopt a VDA order from before a restart; the robot's next state decides how it continues.
@@ -204,7 +195,7 @@ class RobotControl:
         ``update_id`` is the last update that was sent; a robot with an older one is sent the rest.
 
         Raises:
-            RobotBusyError: as :meth:`start`.
+            RobotBusyError: as :meth:`start_order`.
         """
         run = OrderExecution(
             self.robot.key, vda_order, self._settings, adopted=True, accepted=accepted, update_id=update_id
@@ -212,12 +203,13 @@ class RobotControl:
         return self._begin_order(run, now)
 
     def _begin_order(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
+        # No generator: a busy robot is an error of the call, before anything is iterated.
         if self._run:
             raise RobotBusyError(self.robot.key, self._run.vda_order.order_id)
         self._run = run
         return self._send_and_report(now)
 
-    def extend(self, vda_order: VdaOrder, now: float) -> Iterator[FleetOutput]:
+    def extend_order(self, vda_order: VdaOrder, now: float) -> Iterator[FleetOutput]:
         """Update the robot's VDA order to a newer plan: a longer base, or another horizon (section 6.1.2).
 
         The order update is sent once the robot has echoed the previous message; of several plans in the
@@ -232,50 +224,52 @@ class RobotControl:
             run.extend(fitted(vda_order, abilities))
         return self._send_and_report(now)
 
-    def cancel(self, now: float) -> Iterator[FleetOutput]:
+    def cancel_order(self, now: float) -> Iterator[FleetOutput]:
         """Cancel the VDA order, if there is one, and track cancelOrder to its end (section 6.1.3)."""
         if self._run:
             yield from self._run.begin_cancel()
             yield from self._send_and_report(now)
 
-    def instruct(self, action: Action, now: float) -> Iterator[FleetOutput]:
+    def send_instant_action(self, action: Action, now: float) -> Iterator[FleetOutput]:
         """Send an instant action, and track it to InstantActionEnded (section 6.2.1).
 
         It fails at once if the robot cannot receive or does not accept it.
         """
-        yield from self._instant_actions.request(action, now)
+        yield from self._instant_actions.begin_requested(action, now)
         yield from self._send_and_report(now)
 
-    def ask(self, now: float) -> Iterator[FleetOutput]:
+    def request_state(self, now: float) -> Iterator[FleetOutput]:
         """Request the robot's state (section 6.2.3) if messages may reach it.
 
         A robot that has never connected, as far as we know, is asked only once: perhaps it does not exist.
         """
         self.unasked = False
-        if self._instant_actions.unsendable(STATE_REQUEST, now):
+        if self._instant_actions.why_unsendable(STATE_REQUEST, now):
             return
         if self.robot.connection is None:
-            yield PublishInstantActions(self.robot.key, (state_request(self._new_id()),))
+            yield PublishInstantActions(self.robot.key, (without_parameters(STATE_REQUEST, self._new_id()),))
         else:
             self._instant_actions.ask_for_state()
             yield from self._send_and_report(now)
 
     def tick(self, now: float) -> Iterator[FleetOutput]:
         """Handle timeouts; a quiet robot has none, unless it has become silent."""
-        if self.quiet and self.robot.link(now) is self._reported_link:
+        # Called for every robot several times per second: most of them drive, and end here.
+        if self.is_quiet and self.robot.link_status(now) is self._reported_link:
             return
         yield from self._instant_actions.on_tick(now)
         if self._run:
-            if self._cannot_get(self._run, now):
+            if self._cannot_receive(self._run, now):
                 self._run.hold()
             yield from self._run.on_tick(self.robot.state, now, self.robot.unreadable)
         yield from self._send_and_report(now)
 
-    def _cannot_get(self, run: OrderExecution, now: float) -> bool:
+    def _cannot_receive(self, run: OrderExecution, now: float) -> bool:
         """Return whether the robot cannot be sent the rest of its VDA order now."""
         if run.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
             return self._why_unsendable(now) is not None
-        away = self._why_away(self.robot.link(now))
+        # An order that runs is extended also where a new one would be refused: in a pause, for example.
+        away = self._why_away(self.robot.link_status(now))
         return run.phase is VdaOrderPhase.RUNNING and away is not None
 
     @property
@@ -284,32 +278,38 @@ class RobotControl:
         return self._run.vda_order if self._run else None
 
     @property
-    def quiet(self) -> bool:
+    def is_quiet(self) -> bool:
         """Whether nothing is due until the robot reports something new."""
-        busy = self._advance_due or self._instant_actions.busy
-        return not busy and (self._run is None or self._run.quiet)
+        busy = self._advance_due or self._instant_actions.is_busy
+        return not busy and (self._run is None or self._run.is_quiet)
 
     def view(self, now: float) -> RobotView:
         """Return the known state of the robot; cached until a possible change."""
         robot = self.robot
-        link = robot.link(now)
+        link = robot.link_status(now)
         moment = (self._changes, link, robot.malformed, self._instant_actions.awaits_factsheet(now))
-        if self._seen is None or self._seen[0] != moment:
-            self._seen = moment, self._make_view(now)
-        elif self._seen[1].state is not (robot.sighting or robot.state):  # an unchanged one
+        if self._last_view is None or self._last_view[0] != moment:
+            self._last_view = moment, self._make_view(now)
+        elif self._last_view[1].state is not (robot.sighting or robot.state):  # an unchanged one
             deviations, state_at = self._deviations(robot.key), robot.state_at
-            view = replace(self._seen[1], state=robot.state, state_at=state_at, deviations=deviations)
-            self._seen = moment, view
-        return self._seen[1]
+            view = replace(self._last_view[1], state=robot.state, state_at=state_at, deviations=deviations)
+            self._last_view = moment, view
+        return self._last_view[1]
 
     def _make_view(self, now: float) -> RobotView:
-        robot, run, link = self.robot, self._run, self.robot.link(now)
+        robot, run, link = self.robot, self._run, self.robot.link_status(now)
         away = self._why_away(link)
+        if away is None and run:
+            available = run.occupies_robot
+        else:
+            stopped = availability.why_not_driving(robot.state) if robot.state else None
+            reason = away or self._why_unsendable(now) or stopped
+            available = Availability(reason is None, reason or Reason(R.IS_FREE))
         return RobotView(
             key=robot.key,
             link=link,
-            vehicle_state=availability.vehicle_state(robot.state, link, self._instant_actions.ids),
-            availability=self._find_availability(now, away),
+            vehicle_state=availability.vehicle_state_of(robot.state, link, self._instant_actions.ids),
+            availability=available,
             state=robot.sighting or robot.state,
             state_at=robot.state_at,
             factsheet=robot.factsheet,
@@ -329,24 +329,25 @@ class RobotControl:
         if run and run.ended:
             self._forget_order(run)
         elif run:
-            yield from self._send_due(run, now)
+            yield from self._send_due_order(run, now)
             if run.wants_cancel(self.robot.state) and self._instant_actions.can_cancel(now):
-                run.cancel = self._instant_actions.cancel(run.vda_order.order_id)
-        self._stop_stray(now)
-        if self._instant_actions.busy:
-            yield from self._instant_actions.send(now)
+                run.cancel = self._instant_actions.begin_cancel(run.vda_order.order_id)
+        self._stop_stray_order(now)
+        if self._instant_actions.is_busy:
+            yield from self._instant_actions.send_due(now)
         yield from self._report_change(now)
 
-    def _send_due(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
+    def _send_due_order(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
         """Send the VDA order or its update once it is due, not more often than the robot allows.
 
         A robot that cannot execute the order is sent nothing of it.
         """
+        # timing.minimumOrderInterval (7.10) counts for updates as well: both are orders on the wire.
         since = self._last_order_at
         if not run.is_due(now) or (since is not None and now - since < self.robot.least_order_interval):
             return
         state, abilities = self.robot.state, self.robot.abilities
-        if state is None or self._cannot_get(run, now):
+        if state is None or self._cannot_receive(run, now):
             run.hold()
             return
         run.fit(lambda vda_order: fitted(vda_order, abilities))
@@ -364,36 +365,29 @@ class RobotControl:
 
     def _why_unsendable(self, now: float) -> Reason | None:
         """Return, as a predicate, why the robot must not be sent an order now; None if it may."""
-        link = self.robot.link(now)
+        link = self.robot.link_status(now)
         sent = self._run is not None and self._run.phase is VdaOrderPhase.SENT
-        if link in REPORTS_NOTHING and self.robot.reachable and sent:
+        if link in REPORTS_NOTHING and self.robot.is_reachable and sent:
             link = LinkStatus.ONLINE  # attempts count, so an order to a dead robot fails eventually
         reason = self._why_away(link)
         state = self.robot.state
         if reason or state is None:
             return reason or self.robot.unreadable or Reason(R.STATELESS)
-        if self.robot.stale:
+        if self.robot.stale:  # it may have been restarted, and have lost or kept an order since
             return Reason(R.UNSEEN_SINCE_CONNECTION)
-        if self._instant_actions.cancelling:
+        if self._instant_actions.is_cancelling:
             return Reason(R.CANCEL_UNCONFIRMED)
-        if self._instant_actions.leaving:
+        if self._instant_actions.is_leaving:
             return Reason(R.IS_LEAVING)
         if self._instant_actions.awaits_factsheet(now):
             return Reason(R.NO_FACTSHEET)
-        occupied = availability.occupied(state, self._instant_actions.ids)
-        return occupied or availability.unfit(state, placed=self.robot.placed)
+        occupied = availability.why_occupied(state, self._instant_actions.ids)
+        return occupied or availability.why_unfit(state, placed=self.robot.placed)
 
     def _why_away(self, link: LinkStatus) -> Reason | None:
         """Return, as a predicate, why the robot cannot be reached by this link; None if it can."""
         ours = self._instant_actions
-        return availability.away(link, self.robot.unreadable, broker=ours.broker, unread=ours.unread)
-
-    def _find_availability(self, now: float, away: Reason | None) -> Availability:
-        if away is None and self._run:
-            return self._run.occupies_robot
-        state = self.robot.state
-        reason = away or self._why_unsendable(now) or (availability.cannot_drive(state) if state else None)
-        return Availability(reason is None, reason or Reason(R.IS_FREE))
+        return availability.why_away(link, self.robot.unreadable, broker=ours.broker, unread=ours.unread)
 
     def _wait_reason(self, now: float, away: Reason | None) -> Reason | None:
         run = self._run
@@ -401,25 +395,26 @@ class RobotControl:
             return None
         if run.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
             reason = self._why_unsendable(now)
-            unseen = self.robot.unreadable or (Reason(R.ORDER_UNCONFIRMED) if run.sent_again else None)
+            unseen = self.robot.unreadable or (Reason(R.ORDER_UNCONFIRMED) if run.is_resent else None)
             reason = reason or unseen
             return Reason(R.ROBOT, reason) if reason else None
         if run.phase is VdaOrderPhase.CANCELLING:
             return Reason(R.ROBOT, away or Reason(R.END_UNCONFIRMED))
         state = self.robot.state
-        reason = away or (availability.cannot_drive(state) or run.at_end_with_nodes(state) if state else None)
+        stopped = availability.why_not_driving(state) or run.why_unfinished_at_end(state) if state else None
+        reason = away or stopped
         return Reason(R.ROBOT, reason) if reason else None
 
-    def _stop_stray(self, now: float) -> None:
+    def _stop_stray_order(self, now: float) -> None:
         """Cancel an order that the robot executes although it has already ended here."""
         state = self.robot.sighting or self.robot.state
         if state is None or state.order_id not in self._ended or now < self._next_stray_cancel:
             return
         actions = self._instant_actions
-        if actions.cancelling or is_idle(state, actions.ids) or not actions.can_cancel(now):
+        if actions.is_cancelling or is_idle(state, actions.ids) or not actions.can_cancel(now):
             return
         self._next_stray_cancel = now + STRAY_PAUSE
-        actions.cancel(state.order_id)
+        actions.begin_cancel(state.order_id)
 
     def _report_change(self, now: float) -> Iterator[FleetOutput]:
         view = self.view(now)
@@ -447,17 +442,13 @@ class RobotControl:
             int(power.state_of_charge),
             power.charging,
             is_idle(state, self._instant_actions.ids),
-            availability.cannot_drive(state),
-            equipment(state),
+            availability.why_not_driving(state),
+            equipment_of(state),
         )
 
 
 RETAINED_WITHIN: Final = 1.0
 """Seconds after connecting within which the broker delivers the robots' retained connection messages."""
-
-
-def _utc_now() -> datetime:
-    return datetime.now(UTC)
 
 
 class FleetController:
@@ -473,7 +464,7 @@ class FleetController:
         *,
         expected: Iterable[RobotKey] = (),
         new_id: Callable[[], str] = unique_id,
-        utc_now: Callable[[], datetime] = _utc_now,
+        utc_now: Callable[[], datetime] = lambda: datetime.now(UTC),
         deviations: Callable[[RobotKey], tuple[Repair, ...]] = _no_deviations,
     ) -> None:
         """``expected`` robots are asked for their states at each connect, even if they have never connected.
@@ -502,9 +493,9 @@ class FleetController:
         """Handle a state message (section 6.6); repeated and outdated ones are ignored."""
         control = self.control(robot)
         outputs = tuple(control.on_state(message, now))
-        if message.zone_requests or message.edge_requests or self._releases.busy:
+        if message.zone_requests or message.edge_requests or self._releases.has_requests:
             self._releases.on_state(robot, control.robot.state or message)
-            outputs += self._due_answers(now)
+            outputs += self._take_due_answers(now)
         return outputs
 
     def on_factsheet(self, robot: RobotKey, message: Factsheet, now: float) -> Outputs:
@@ -533,24 +524,17 @@ class FleetController:
         """
         for control in tuple(self._robots.values()):
             yield tuple(control.tick(now))
-        if self._broker and self._to_ask:
-            yield from self._ask_for_states(now)
-        if self._releases.busy:
-            yield self._due_answers(now)
-
-    def _ask_for_states(self, now: float) -> Iterator[Outputs]:
-        """Ask robots for their states.
-
-        Robots of which nothing is known come last: their retained connection messages may arrive meanwhile.
-        """
+        # Robots of which nothing is known are asked last: their retained connection messages are on the way.
         known_only = self.connected_for(now) < RETAINED_WITHIN
-        for robot in tuple(self._to_ask):
+        for robot in tuple(self._to_ask if self._broker else ()):
             control = self._robots[robot]
             if control.unasked and known_only and control.robot.connection is None:
                 continue
             del self._to_ask[robot]
             if control.unasked:
-                yield tuple(control.ask(now))
+                yield tuple(control.request_state(now))
+        if self._releases.has_requests:
+            yield self._take_due_answers(now)
 
     def control(self, robot: RobotKey) -> RobotControl:
         """Return the control of a robot, which is registered if it is new."""
@@ -580,23 +564,26 @@ class FleetController:
 
     def all_known(self, now: float) -> bool:
         """Return whether every robot that is connected, according to the broker, has reported its state."""
-        if self.connected_for(now) < RETAINED_WITHIN:
+        if self.connected_for(now) < RETAINED_WITHIN:  # retained connection messages may still arrive
             return False
         robots = (control.robot for control in self._robots.values())
-        return all(robot.state or robot.sighting or not robot.reachable for robot in robots)
+        return all(robot.state or robot.sighting or not robot.is_reachable for robot in robots)
 
     def has_room_for(self, robot: RobotKey) -> bool:
         """Return whether this robot is known, or another one may be added (``robots_limit``)."""
         return robot in self._robots or len(self._robots) < self._settings.robots_limit
 
-    def _due_answers(self, now: float) -> Outputs:
+    def _take_due_answers(self, now: float) -> Outputs:
         """Return the due answers to the robots' requests (section 6.9); none while the link is down."""
         if not self._broker:
             return ()
-        return tuple(self._releases.answers(now, all_known=self.all_known(now), reachable=self._reachable))
-
-    def _reachable(self, robot: RobotKey) -> bool:
-        return self._robots[robot].robot.reachable
+        return tuple(
+            self._releases.take_due_answers(
+                now,
+                all_known=self.all_known(now),
+                reachable=lambda robot: self._robots[robot].robot.is_reachable,
+            )
+        )
 
     def _new_control(self, robot: RobotKey) -> RobotControl:
         return RobotControl(

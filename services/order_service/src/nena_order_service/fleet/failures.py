@@ -70,14 +70,14 @@ STOPPING: Final = frozenset({ErrorLevel.CRITICAL, ErrorLevel.FATAL})
 ErrorIdentity = tuple[str, frozenset[tuple[str, str]]]
 
 
-def identity(error: ErrorEntry) -> ErrorIdentity:
+def identity_of(error: ErrorEntry) -> ErrorIdentity:
     """Return the fields that identify an error in later states, in which its texts may differ."""
     return error.error_type, frozenset(
         (reference.reference_key, reference.reference_value) for reference in error.error_references
     )
 
 
-def describe(error: ErrorEntry) -> str:
+def describe_error(error: ErrorEntry) -> str:
     """Return the robot's description of an error."""
     text = f"{error.error_type}: {error.error_description}" if error.error_description else error.error_type
     return f"{text} ({error.error_hint})" if error.error_hint else text
@@ -89,14 +89,9 @@ def with_details(reason: Reason, details: Iterable[str]) -> Reason:
     return Reason(R.DETAILS, reason, *described) if "".join(described) else reason
 
 
-def fatal(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:
+def first_fatal(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:
     """Return the first error of level FATAL, which needs human intervention (section 6.6.5.1); or None."""
     return next((error for error in errors if error.error_level is ErrorLevel.FATAL), None)
-
-
-def no_navigation(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:
-    """Return the error with which a robot reports that its navigation is not available; or None."""
-    return next((error for error in errors if error.error_type in NO_NAVIGATION), None)
 
 
 def refusals(
@@ -104,42 +99,43 @@ def refusals(
 ) -> tuple[ErrorEntry, ...]:
     """Return the errors with which the robot refuses the VDA order (section 6.1.4).
 
-    They name its orderId; or, because 2.x does not require references, they have the type of a refusal, name
-    neither an order nor another action, and were not reported ``before`` the VDA order was sent.
+    They were not reported ``before`` the VDA order was sent, unless they name it.
     """
-    return tuple(error for error in errors if _refuses_order(error, vda_order, before))
-
-
-def _refuses_order(error: ErrorEntry, vda_order: VdaOrder, before: frozenset[ErrorIdentity]) -> bool:
-    named = _referenced_values(error, "orderId")
-    if named:
-        return vda_order.order_id in named
-    explained = identity(error) in before or of_another_action(error, vda_order) or _of_another_topic(error)
-    return error.error_type in ORDER_REFUSALS and not explained
+    # 2.x does not require references: an error without any counts by its type, as long as nothing else
+    # explains it.
+    refusing: list[ErrorEntry] = []
+    for error in errors:
+        if named := values_named_by(error, "orderId"):
+            refuses = vda_order.order_id in named
+        else:
+            is_explained = (
+                identity_of(error) in before
+                or is_of_another_action(error, vda_order)
+                or _is_of_another_topic(error)
+            )
+            refuses = error.error_type in ORDER_REFUSALS and not is_explained
+        if refuses:
+            refusing.append(error)
+    return tuple(refusing)
 
 
 def is_named(error: ErrorEntry, vda_order: VdaOrder) -> bool:
     """Return whether an error names the VDA order or one of its actions (section 6.6.5.2)."""
-    return vda_order.order_id in _referenced_values(error, "orderId") or bool(
-        _referenced_values(error, "actionId") & vda_order.action_ids
+    return vda_order.order_id in values_named_by(error, "orderId") or bool(
+        values_named_by(error, "actionId") & vda_order.action_ids
     )
 
 
-def _of_another_topic(error: ErrorEntry) -> bool:
+def _is_of_another_topic(error: ErrorEntry) -> bool:
     """Return whether an error names other topics, but not ``order``: it refuses a different message."""
-    topics = _referenced_values(error, "topic")
+    topics = values_named_by(error, "topic")
     return bool(topics) and Topic.ORDER not in topics
 
 
-def of_another_action(error: ErrorEntry, vda_order: VdaOrder) -> bool:
+def is_of_another_action(error: ErrorEntry, vda_order: VdaOrder) -> bool:
     """Return whether an error names only actions outside the VDA order: it refuses an instant action."""
-    actions = _referenced_values(error, "actionId")
+    actions = values_named_by(error, "actionId")
     return bool(actions) and actions.isdisjoint(vda_order.action_ids)
-
-
-def name_actions(errors: Iterable[ErrorEntry]) -> bool:
-    """Return whether any of the errors names an action (section 6.6.5.2)."""
-    return any(_referenced_values(error, "actionId") for error in errors)
 
 
 def refuses_update(error: ErrorEntry, order_id: str, update_id: int) -> bool:
@@ -147,58 +143,49 @@ def refuses_update(error: ErrorEntry, order_id: str, update_id: int) -> bool:
 
     It names the orderUpdateId; in 2.x, an error without references may also be about the update.
     """
-    orders, updates = _referenced_values(error, "orderId"), _referenced_values(error, "orderUpdateId")
-    foreign = _of_another_topic(error) or (orders and order_id not in orders)
+    orders, updates = values_named_by(error, "orderId"), values_named_by(error, "orderUpdateId")
+    foreign = _is_of_another_topic(error) or (orders and order_id not in orders)
     if error.error_type not in ORDER_REFUSALS or foreign:
         return False
     return str(update_id) in updates if updates else True
 
 
-def names_update(error: ErrorEntry) -> bool:
-    """Return whether an error names an orderUpdateId (section 6.6.5.2)."""
-    return bool(_referenced_values(error, "orderUpdateId"))
-
-
-def about(
+def stopping_errors(
     errors: Iterable[ErrorEntry], vda_order: VdaOrder, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:
     """Return the errors because of which the robot cannot continue the VDA order (section 6.6.5.1)."""
-    return tuple(error for error in _new_stops(errors, before) if _is_about(error, vda_order) is True)
+    return tuple(error for error in _new_stops(errors, before) if _names_order(error, vda_order) is True)
 
 
-def unexplained(
+def unexplained_stops(
     errors: Iterable[ErrorEntry], vda_order: VdaOrder, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:
     """Return the errors that stop a robot but do not reference any order (section 6.6.5.1)."""
-    return tuple(error for error in _new_stops(errors, before) if _is_about(error, vda_order) is None)
-
-
-def of_action(errors: Iterable[ErrorEntry], action_id: str) -> Iterator[str]:
-    """Return the descriptions of all errors that name an action."""
-    return (describe(error) for error in errors if action_id in _referenced_values(error, "actionId"))
+    return tuple(error for error in _new_stops(errors, before) if _names_order(error, vda_order) is None)
 
 
 def _new_stops(errors: Iterable[ErrorEntry], before: frozenset[ErrorIdentity]) -> Iterator[ErrorEntry]:
     for error in errors:
         stops = error.error_level in STOPPING or error.error_type in UNREACHABLE
-        if stops and error.error_type not in ORDER_REFUSALS and identity(error) not in before:
+        if stops and error.error_type not in ORDER_REFUSALS and identity_of(error) not in before:
             yield error
 
 
-def _is_about(error: ErrorEntry, vda_order: VdaOrder) -> bool | None:
+def _names_order(error: ErrorEntry, vda_order: VdaOrder) -> bool | None:
     """Return whether an error names the VDA order or a part of it; None if it names no order."""
-    orders = _referenced_values(error, "orderId")
+    orders = values_named_by(error, "orderId")
     if orders:
         return vda_order.order_id in orders
     parts = (
-        _referenced_values(error, "nodeId") & {node.node_id for node in vda_order.nodes},
-        _referenced_values(error, "edgeId") & {edge.edge_id for edge in vda_order.edges},
-        _referenced_values(error, "actionId") & vda_order.action_ids,
+        values_named_by(error, "nodeId") & {node.node_id for node in vda_order.nodes},
+        values_named_by(error, "edgeId") & {edge.edge_id for edge in vda_order.edges},
+        values_named_by(error, "actionId") & vda_order.action_ids,
     )
     return True if any(parts) else None
 
 
-def _referenced_values(error: ErrorEntry, key: str) -> set[str]:
+def values_named_by(error: ErrorEntry, key: str) -> set[str]:
+    """Return the values of an error's references with this key (section 6.6.5.2)."""
     return {
         reference.reference_value for reference in error.error_references if reference.reference_key == key
     }

@@ -76,7 +76,7 @@ def fitted_action(action: Action, abilities: Abilities) -> Action:
 
     Station and load type, which fleet control adds, are left out if the robot does not list them.
     """
-    wanted = abilities.parameters(action)
+    wanted = abilities.declared_parameters(action)
     parameters = tuple(
         _convert_parameter(parameter, wanted.get(parameter.key))
         for parameter in _with_listed_name(action, wanted, abilities)
@@ -366,7 +366,7 @@ def _action_problems(action: Action, scope: ActionScope, abilities: Abilities) -
         yield Reason(R.LONG_LOAD_ID, load=load_id, limit=longest)
     if not abilities.lists_actions:
         return
-    declared = abilities.declarations(action.action_type)
+    declared = abilities.declared_actions(action.action_type)
     if not declared:
         yield Reason(R.UNLISTED_ACTION, action=name)
         return

@@ -73,7 +73,7 @@ class InstantRun:
         return self.action.action_type == STATE_REQUEST and not self.requested
 
     @property
-    def cancels(self) -> bool:
+    def is_cancel(self) -> bool:
         """Whether the action is a cancelOrder."""
         return self.action.action_type == CANCEL_ORDER
 
@@ -92,28 +92,30 @@ class InstantRun:
             self.outcome = Outcome(state.action_status, reason, state.action_result)
 
     def on_link(self, link: LinkStatus) -> None:
-        """End a hibernation or shutdown when the connection shows it, because the last state may be lost.
-
-        A robot may disconnect for other reasons, so a shutdown counts only if the robot has reported it.
-        """
+        """End a hibernation or shutdown when the connection shows it, because the last state may be lost."""
+        # The last state and the connection message are published on different topics, and the robot leaves
+        # right after: whichever arrives decides.
         hibernates = self.action.action_type == START_HIBERNATION and link is LinkStatus.HIBERNATING
         shut_down = self.action.action_type == SHUTDOWN and link is LinkStatus.OFFLINE
+        # A robot goes OFFLINE for other reasons as well: a shutdown counts only if a state has shown it.
         if hibernates or (shut_down and self._seen_at is not None):
             self.outcome = Outcome(ActionStatus.FINISHED, Reason(R.ACTION_SHOWN_BY_LINK, link=link))
 
-    def wants_sending(self, now: float) -> bool:
-        """Return whether the action is due, and count it as sent: the caller must send it."""
-        if self._seen_at is not None or not self._delivery.due(now):
+    def begin_sending(self, now: float) -> bool:
+        """Count the action as sent if it is due; return whether it was, and has to be sent."""
+        if self._seen_at is not None or not self._delivery.is_due(now):
             return False
-        self._delivery.sent(now)
+        self._delivery.note_sent(now)
         if self._first_sent_at is None:
             self._first_sent_at = now
         return True
 
     def on_tick(self, now: float, unreadable: Reason | None = None) -> None:
         """Time out the action on a reachable robot; ``unreadable``: why its states cannot be used."""
-        if self._seen_at is None and self._delivery.failed(now):
-            if self._may_wake(now):
+        if self._seen_at is None and self._delivery.has_failed(now):
+            # 6.2.3: a robot that wakes from hibernation reports nothing until it is back.
+            limit, since = self._settings.instant_action_limit, self._first_sent_at
+            if self.action.action_type == STOP_HIBERNATION and since is not None and now - since < limit:
                 return
             unseen = Reason(R.ACTION_UNSEEN, count=self._delivery.sendings)
             uncertain = unreadable and Reason(R.ACTION_UNCERTAIN, Reason(R.ROBOT, unreadable))
@@ -122,36 +124,15 @@ class InstantRun:
             limit = self._settings.instant_action_limit
             self.outcome = Outcome(None, Reason(R.ACTION_UNFINISHED, limit=limit))
 
-    def _may_wake(self, now: float) -> bool:
-        """Return whether a hibernating robot may still be waking, and reports nothing yet (section 6.2.3)."""
-        since = self._first_sent_at
-        if since is None or self.action.action_type != STOP_HIBERNATION:
-            return False
-        return now - since < self._settings.instant_action_limit
-
     def hold(self, reason: Reason, now: float) -> None:
-        """Suspend the action's timeout while it cannot be sent for ``reason``.
-
-        A requested action that the robot may not have received ends instead: no caller wants, for example,
-        a pause hours later.
-        """
+        """Suspend the action's timeout while it cannot be sent for ``reason``, or end it."""
         if self._seen_at is not None:
             self._seen_at = now
+        # Nobody wants a pause hours after it was requested, for example.
         elif self.requested or self.awaits_state:
             self.outcome = Outcome(None, Reason(R.ACTION_UNCERTAIN, reason))
         else:
-            self._delivery.hold()
-
-
-def cancel_order(action_id: str, order_id: str | None = None) -> Action:
-    """Return a cancelOrder action (section 6.1.3), without the orderId parameter if ``order_id`` is None."""
-    parameters = () if order_id is None else (ActionParameter(key="orderId", value=order_id),)
-    return Action(
-        action_type=CANCEL_ORDER,
-        action_id=action_id,
-        blocking_type=BlockingType.HARD,
-        action_parameters=parameters,
-    )
+            self._delivery.restart()
 
 
 def retry_or_skip(action_id: str, failed: str, *, retry: bool) -> Action:
@@ -164,19 +145,9 @@ def retry_or_skip(action_id: str, failed: str, *, retry: bool) -> Action:
     )
 
 
-def clear_instant_actions(action_id: str) -> Action:
-    """Return the action that removes ended instant actions from the robot's state (section 6.2.3)."""
-    return Action(action_type=CLEAR_INSTANT_ACTIONS, action_id=action_id, blocking_type=BlockingType.NONE)
-
-
-def factsheet_request(action_id: str) -> Action:
-    """Return the action that requests the robot's factsheet (section 6.2.3)."""
-    return Action(action_type=FACTSHEET_REQUEST, action_id=action_id, blocking_type=BlockingType.NONE)
-
-
-def state_request(action_id: str) -> Action:
-    """Return the action that requests the robot's state (section 6.2.3)."""
-    return Action(action_type=STATE_REQUEST, action_id=action_id, blocking_type=BlockingType.NONE)
+def without_parameters(action_type: str, action_id: str) -> Action:
+    """Return an instant action that has no parameters and stops nothing, such as stateRequest."""
+    return Action(action_type=action_type, action_id=action_id, blocking_type=BlockingType.NONE)
 
 
 INSTANT_IDS_KEPT: Final = 200
@@ -217,20 +188,20 @@ class InstantActionManager:
         self._new_id = new_id
         self._runs: dict[str, InstantRun] = {}
         self._next_clearing = 0.0
-        self._asked: InstantRun | None = None
-        self._asked_at = 0.0
+        self._factsheet_request: InstantRun | None = None
+        self._factsheet_asked_at = 0.0
         self._going: set[str] = set()
         """IDs of unfinished :data:`LEAVES` actions on this connection, including those of other senders."""
         self._left_at: float | None = None
         """When the robot reported hibernation or shutdown, until its connection shows it; else None."""
 
     @property
-    def busy(self) -> bool:
+    def is_busy(self) -> bool:
         """Whether any instant action is active."""
         return bool(self._runs) or self._left_at is not None
 
     @property
-    def leaving(self) -> bool:
+    def is_leaving(self) -> bool:
         """Whether the robot is about to hibernate or to shut down."""
         return (
             bool(self._going)
@@ -239,15 +210,15 @@ class InstantActionManager:
         )
 
     @property
-    def cancelling(self) -> bool:
+    def is_cancelling(self) -> bool:
         """Whether a cancelOrder is active."""
-        return bool(self._runs) and any(run.cancels for run in self._runs.values())
+        return bool(self._runs) and any(run.is_cancel for run in self._runs.values())
 
-    def unsendable(self, action_type: str, now: float) -> Reason | None:
+    def why_unsendable(self, action_type: str, now: float) -> Reason | None:
         """Return, as a predicate, why the robot must not be sent such an action now; None if it may."""
-        link = self._robot.link(now)
-        if link in REPORTS_NOTHING and self._robot.reachable:
-            link = LinkStatus.ONLINE
+        link = self._robot.link_status(now)
+        if link in REPORTS_NOTHING and self._robot.is_reachable:
+            link = LinkStatus.ONLINE  # it may still listen: resends end at their limit, not here
         unread = self.unread
         if action_type == STOP_HIBERNATION:  # a hibernating robot reports no state
             unread = False
@@ -255,7 +226,7 @@ class InstantActionManager:
         elif action_type in SENT_UNREAD:
             unread = False
             link = link if link in NOT_REACHED else LinkStatus.ONLINE
-        away = availability.away(link, self._robot.unreadable, broker=self.broker, unread=unread)
+        away = availability.why_away(link, self._robot.unreadable, broker=self.broker, unread=unread)
         state = self._robot.state
         if away or state is None or state.operating_mode.fleet_controls:
             return away
@@ -265,7 +236,7 @@ class InstantActionManager:
             return None
         return Reason(R.MODE_WITHOUT_ACTIONS, mode=state.operating_mode)
 
-    def request(self, action: Action, now: float) -> Iterator[FleetOutput]:
+    def begin_requested(self, action: Action, now: float) -> Iterator[FleetOutput]:
         """Begin a requested instant action, unless the robot certainly would not receive or accept it."""
         if self._robot.abilities:
             action = fitted_action(action, self._robot.abilities)
@@ -276,24 +247,31 @@ class InstantActionManager:
         else:
             self._begin_run(action, requested=True)
 
-    def cancel(self, order_id: str) -> InstantRun:
-        """Begin a cancelOrder, with the orderId if the robot's version has that parameter (section 6.1.3)."""
+    def begin_cancel(self, order_id: str) -> InstantRun:
+        """Begin a cancelOrder (section 6.1.3)."""
+        # The parameter orderId came with 3.0; a 2.x robot may refuse what it does not know.
         rules = self._robot.rules
-        named = order_id if rules and rules.cancel_names_order else None
-        return self._begin_run(cancel_order(self._new_id(), named), requested=False)
+        has_order_id = rules is not None and rules.cancel_names_order
+        action = Action(
+            action_type=CANCEL_ORDER,
+            action_id=self._new_id(),
+            blocking_type=BlockingType.HARD,
+            action_parameters=(ActionParameter(key="orderId", value=order_id),) if has_order_id else (),
+        )
+        return self._begin_run(action, requested=False)
 
     def can_cancel(self, now: float) -> bool:
         """Return whether cancelOrder may be sent now."""
-        return self.unsendable(CANCEL_ORDER, now) is None
+        return self.why_unsendable(CANCEL_ORDER, now) is None
 
     def ask_for_state(self) -> None:
         """Request the robot's state until it reports; does nothing while it is being asked."""
         if not any(run.awaits_state for run in self._runs.values()):
-            self._begin_run(state_request(self._new_id()), requested=False)
+            self._begin_run(without_parameters(STATE_REQUEST, self._new_id()), requested=False)
 
-    def reconnected(self) -> None:
+    def on_reconnect(self) -> None:
         """Handle a new connection: request the factsheet again, and forget that the robot was leaving."""
-        self._asked = None
+        self._factsheet_request = None
         self._going.clear()
         self._left_at = None
 
@@ -305,11 +283,11 @@ class InstantActionManager:
 
     def awaits_factsheet(self, now: float) -> bool:
         """Return whether the robot's factsheet was just requested and may still arrive."""
-        if self._robot.abilities or not self._asked:
+        if self._robot.abilities or not self._factsheet_request:
             return False
-        end = self._asked.outcome
-        cannot = end is not None and end.status is not ActionStatus.FINISHED
-        return not cannot and now - self._asked_at < FACTSHEET_TIMEOUT
+        end = self._factsheet_request.outcome
+        has_failed = end is not None and end.status is not ActionStatus.FINISHED
+        return not has_failed and now - self._factsheet_asked_at < FACTSHEET_TIMEOUT
 
     def on_state(self, state: State, now: float) -> Iterator[FleetOutput]:
         """Update all actions from a new state; request a missing factsheet, and clear ended actions."""
@@ -323,7 +301,11 @@ class InstantActionManager:
         if self._runs or self._going or state.instant_action_states:
             self._note_leaving(state, now)
             yield from self._drop_ended()
-        self._ask_for_factsheet(now)
+        # 7.10: factsheets are retained, but brokers lose them, and some robots publish theirs only on
+        # request. Once per connection is enough: who does not answer has none.
+        if self._robot.abilities is None and self._factsheet_request is None:
+            action = without_parameters(FACTSHEET_REQUEST, self._new_id())
+            self._factsheet_request, self._factsheet_asked_at = self._begin_run(action, requested=False), now
         if state.instant_action_states:
             self._clear_ended(state, now)
 
@@ -332,19 +314,19 @@ class InstantActionManager:
         if self._left_at is not None and now - self._left_at >= LEAVING_WITHIN:
             self._left_at = None
         for run in self._runs.values():
-            reason = self.unsendable(run.action.action_type, now)
+            reason = self.why_unsendable(run.action.action_type, now)
             if reason is None:
                 run.on_tick(now, self._robot.unreadable)
             else:
                 run.hold(Reason(R.ROBOT, reason), now)
         yield from self._drop_ended()
 
-    def send(self, now: float) -> Iterator[FleetOutput]:
+    def send_due(self, now: float) -> Iterator[FleetOutput]:
         """Send due actions, with at most as many per message as the factsheet allows."""
         due = tuple(
             run.action
             for run in self._runs.values()
-            if not self.unsendable(run.action.action_type, now) and run.wants_sending(now)
+            if not self.why_unsendable(run.action.action_type, now) and run.begin_sending(now)
         )
         at_once = self._robot.most_instant_actions
         for first in range(0, len(due), at_once):
@@ -359,7 +341,7 @@ class InstantActionManager:
         problem = instant_action_problem(action, abilities) if abilities else None
         if problem:
             return Reason(R.ACTION_UNFIT, problem)
-        reason = self.unsendable(action.action_type, now)
+        reason = self.why_unsendable(action.action_type, now)
         return Reason(R.ROBOT, reason) if reason else None
 
     def _begin_run(self, action: Action, *, requested: bool) -> InstantRun:
@@ -371,10 +353,9 @@ class InstantActionManager:
         return run
 
     def _note_leaving(self, state: State, now: float) -> None:
-        """Update whether the robot is about to hibernate or shut down, no matter who requested it.
-
-        An action that has already ended in the first state of a connection is an old one: the robot is back.
-        """
+        """Update whether the robot is about to hibernate or shut down, no matter who requested it."""
+        # Only an action that was seen unfinished counts as finished now: one that has already ended in the
+        # first state of a connection is an old one, and the robot is back.
         reported = (*state.action_states, *state.instant_action_states)
         finished = {action.action_id for action in reported if action.action_status is ActionStatus.FINISHED}
         if self._going & finished:
@@ -389,23 +370,18 @@ class InstantActionManager:
             if run.action.action_type in LEAVES and run.outcome is None
         }
 
-    def _ask_for_factsheet(self, now: float) -> None:
-        """Request the factsheet, once per connection, if the broker has not retained it (section 7.10)."""
-        if self._robot.abilities is None and self._asked is None:
-            self._asked = self._begin_run(factsheet_request(self._new_id()), requested=False)
-            self._asked_at = now
-
     def _clear_ended(self, state: State, now: float) -> None:
         """Send clearInstantActions, if the robot offers it, before ended instant actions pile up."""
+        # 6.6.9: since 3.0 they stay in the state until they are cleared, and every state grows with them.
         ended = sum(1 for action in state.instant_action_states if action.action_status.ended)
         if ended < self._robot.clears_instant_actions_from or now < self._next_clearing:
             return
         rules, abilities = self._robot.rules, self._robot.abilities
         if not rules or not rules.instant_states_until_cleared:
             return
-        if not abilities or not abilities.declarations(CLEAR_INSTANT_ACTIONS):
+        if not abilities or not abilities.declared_actions(CLEAR_INSTANT_ACTIONS):
             return
-        action = clear_instant_actions(self._new_id())
+        action = without_parameters(CLEAR_INSTANT_ACTIONS, self._new_id())
         if self._why_refused(action, now) is None:
             self._next_clearing = now + CLEARING_PAUSE
             self._begin_run(action, requested=False)

@@ -437,14 +437,14 @@ class FleetLink:
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
         """Send a VDA order (section 6.1.1); raises RobotBusyError."""
-        outputs = self._controller.control(robot).start(vda_order, self._now())
+        outputs = self._controller.control(robot).start_order(vda_order, self._now())
         self._tell_begun(vda_order, outputs, restored=False)
 
     def adopt_vda_order(
         self, robot: RobotKey, vda_order: VdaOrder, *, accepted: bool, update_id: int = 0
     ) -> None:
         """Restore a VDA order after a restart; raises RobotBusyError."""
-        outputs = self._controller.control(robot).adopt(
+        outputs = self._controller.control(robot).adopt_order(
             vda_order, self._now(), accepted=accepted, update_id=update_id
         )
         self._tell_begun(vda_order, outputs, restored=True)
@@ -456,15 +456,15 @@ class FleetLink:
 
     def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
         """Send an order update (section 6.1.2); raises BaseChangedError."""
-        self._hand_out(self._controller.control(robot).extend(vda_order, self._now()))
+        self._hand_out(self._controller.control(robot).extend_order(vda_order, self._now()))
 
     def cancel_vda_order(self, robot: RobotKey) -> None:
         """Cancel the robot's VDA order (section 6.1.3)."""
-        self._hand_out(self._controller.control(robot).cancel(self._now()))
+        self._hand_out(self._controller.control(robot).cancel_order(self._now()))
 
     def instant_action(self, robot: RobotKey, action: Action) -> None:
         """Send an instant action (section 6.2.1)."""
-        self._hand_out(self._controller.control(robot).instruct(action, self._now()))
+        self._hand_out(self._controller.control(robot).send_instant_action(action, self._now()))
 
     def send_zone_set(self, robot: RobotKey, zone_set: ZoneSet) -> None:
         """Send a zone set to a robot; its states show whether it has accepted it (section 6.4)."""
@@ -602,7 +602,7 @@ class FleetLink:
         if order.is_new(header_id, NO_TIME, self._now(), inbound.payload):
             return True
         header = header_text(header_id, NO_TIME)
-        self._hand_out(self._controller.control(robot).on_old_state(header, order.last, self._now()))
+        self._hand_out(self._controller.control(robot).on_old_state(header, order.last_header, self._now()))
         return False
 
     def _note_long_name(self, robot: RobotKey) -> None:

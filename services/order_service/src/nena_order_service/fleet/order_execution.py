@@ -52,14 +52,17 @@ class PendingUpdate:
         return tuple(
             error
             for error in errors
-            if failures.identity(error) not in self.errors_before
-            and not failures.of_another_action(error, self.plan)
+            if failures.identity_of(error) not in self.errors_before
+            and not failures.is_of_another_action(error, self.plan)
             and failures.refuses_update(error, self.plan.order_id, self.update_id)
         )
 
     def is_refused(self, refusals: Iterable[ErrorEntry], now: float) -> bool:
         """Return whether any of the refusals counts; see :meth:`Delivery.is_refused`."""
-        named = any(failures.is_named(error, self.plan) or failures.names_update(error) for error in refusals)
+        named = any(
+            failures.is_named(error, self.plan) or failures.values_named_by(error, "orderUpdateId")
+            for error in refusals
+        )
         return self.delivery.is_refused(now, named=named)
 
 
@@ -90,19 +93,16 @@ class Progress:
     """IDs of actions that are missing from the state."""
 
     @property
-    def done(self) -> bool:
+    def is_done(self) -> bool:
         """Whether everything has been done successfully."""
         return self.idle and self.at_end and not self.failed and not self.unreported
 
 
-def read(state: State, vda_order: VdaOrder) -> Progress:
-    """Read the progress from a state that echoes the VDA order (section 6.6.2).
-
-    A node counts as traversed only once it is no longer in nodeStates, because some robots reset
-    lastNodeSequenceId late when they accept a new order. A failed action on an edge that the robot has left
-    does not count: robots also report actions as FAILED that ended with their edge.
-    """
+def read_progress(state: State, vda_order: VdaOrder) -> Progress:
+    """Read the progress from a state that echoes the VDA order (section 6.6.2)."""
     ids, final = vda_order.action_ids, vda_order.final_action_ids
+    # 6.2.2: an edge's action ends with the edge, and robots report such an end as FAILED as well. Those of
+    # edges that the robot has left are no failures.
     left_behind: set[str] = set()
     if vda_order.edges_with_actions:
         ahead = {edge.sequence_id for edge in state.edge_states}
@@ -114,6 +114,7 @@ def read(state: State, vda_order: VdaOrder) -> Progress:
         }
     own = [action for action in state.action_states if action.action_id in ids] if ids else []
     left = bool(state.node_states or state.edge_states)
+    # Some robots reset lastNodeSequenceId late when they accept an order: what nodeStates lists is ahead.
     passed = state.last_node_sequence_id
     if state.node_states:
         passed = min(passed, state.node_states[0].sequence_id - 1)
@@ -172,12 +173,12 @@ class OrderExecution:
         """SequenceId of the last node that was reported as passed; -1: none; -2: not accepted yet."""
         self._operating = False
         self._failure: VdaOrderFailed | None = None
-        self._before: frozenset[ErrorIdentity] = frozenset()
+        self._errors_before: frozenset[ErrorIdentity] = frozenset()
         self._position_doubted = False
         """Whether the robot was not localised or reconnected since the order was last sent."""
         self._excused_sending = 0
         """Number of the sending whose refusals are excused, because the robot was not localised; 0: none."""
-        self._passing: frozenset[ErrorIdentity] = frozenset()
+        self._excused: frozenset[ErrorIdentity] = frozenset()
         """Excused refusals: the order is resent once the robot is localised."""
         self._standing_since: float | None = None
         self._retriable: frozenset[object] = frozenset()
@@ -186,10 +187,10 @@ class OrderExecution:
     def is_due(self, now: float) -> bool:
         """Return whether the order, or an update of it, is due to be sent or resent."""
         if self.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
-            return self._delivery.due(now)
+            return self._delivery.is_due(now)
         if self.phase is not VdaOrderPhase.RUNNING or self.ended:
             return False
-        return self._pending.delivery.due(now) if self._pending else self._plan is not None
+        return self._pending.delivery.is_due(now) if self._pending else self._plan is not None
 
     def extend(self, plan: VdaOrder) -> None:
         """Change the order to ``plan`` (section 6.1.2).
@@ -205,45 +206,40 @@ class OrderExecution:
             self._plan = plan
 
     def fit(self, fit: Callable[[VdaOrder], VdaOrder]) -> None:
-        """Fit the VDA order to the factsheet before it is sent; it is resent unchanged.
-
-        An adopted one is fitted again before each update, because it was fitted before the restart.
-        """
+        """Fit the VDA order to the factsheet before it is sent; it is resent unchanged."""
+        # An adopted one is fitted again before each update: its plan comes from the store, as it was built.
         if self.phase is VdaOrderPhase.WAITING or (self._adopted and self.phase is VdaOrderPhase.RUNNING):
             self.vda_order = fit(self.vda_order)
             self._plan = self._plan and fit(self._plan)
 
-    def _send_update(self, errors: Iterable[ErrorEntry], now: float) -> PublishOrder:
-        if self._pending is None and self._plan is not None:
-            plan, self._plan = self._plan, None
-            message = update_of(self.vda_order, plan)
-            identities = frozenset(map(failures.identity, errors))
-            delivery = Delivery(self._settings)
-            self._pending = PendingUpdate(plan, message, self.update_id + 1, delivery, identities)
-        assert self._pending, "sent when is_due says so"  # noqa: S101 - for the type
-        self._pending.delivery.sent(now)
-        return PublishOrder(self._robot, self._pending.message, self._pending.update_id)
-
     @property
-    def quiet(self) -> bool:
+    def is_quiet(self) -> bool:
         """Whether nothing is due until the robot reports something new, because it executes its order."""
         waits = self._pending or self._plan or self._standing_since is not None
         return self.phase is VdaOrderPhase.RUNNING and not waits
 
     @property
-    def sent_again(self) -> bool:
+    def is_resent(self) -> bool:
         """Whether the order was resent, because the robot has not confirmed it in time."""
         return self.phase is VdaOrderPhase.SENT and self._delivery.sendings > 1
 
     def send(self, errors: Iterable[ErrorEntry], now: float) -> PublishOrder:
         """Send the order (section 6.1.1) or its update; the robot reports these errors already."""
+        identities = frozenset(map(failures.identity_of, errors))
         if self.phase is VdaOrderPhase.RUNNING:
-            return self._send_update(errors, now)
+            # 6.1.2: one update at a time, from the base that the robot has echoed.
+            if self._pending is None and self._plan is not None:
+                plan, self._plan = self._plan, None
+                message, update_id = update_of(self.vda_order, plan), self.update_id + 1
+                self._pending = PendingUpdate(plan, message, update_id, Delivery(self._settings), identities)
+            assert self._pending, "sent when is_due says so"  # noqa: S101 - for the type
+            self._pending.delivery.note_sent(now)
+            return PublishOrder(self._robot, self._pending.message, self._pending.update_id)
         if self.phase is VdaOrderPhase.WAITING:
             self.phase = VdaOrderPhase.SENT
-            self._before = frozenset(map(failures.identity, errors))
+            self._errors_before = identities
         self._position_doubted = False
-        self._delivery.sent(now)
+        self._delivery.note_sent(now)
         return PublishOrder(self._robot, self.vda_order)
 
     def doubt_position(self) -> None:
@@ -256,9 +252,9 @@ class OrderExecution:
 
     def hold(self) -> None:
         """Suspend the delivery's timeout, because the robot cannot be sent anything now."""
-        self._delivery.hold()
+        self._delivery.restart()
         if self._pending:
-            self._pending.delivery.hold()
+            self._pending.delivery.restart()
 
     def begin_cancel(self) -> Iterator[FleetOutput]:
         """Begin to cancel the VDA order (section 6.1.3); end it at once if it was never sent."""
@@ -280,27 +276,33 @@ class OrderExecution:
     def on_state(self, state: State, now: float) -> Iterator[FleetOutput]:
         """Update the execution from a new state of the robot (section 6.6)."""
         self._take_echo(state)
-        if self._known_in(state):
+        if self._is_known_in(state):
             yield from self._follow_progress(state, now)
         elif self._accepted and self.phase is not VdaOrderPhase.CANCELLING:
-            yield self._end_order(self._failure_of_loss(state))
+            known, kind = self.update_id, FailureKind.LOST
+            reason = Reason(R.LOST_TO_OTHER, order=state.order_id) if state.order_id else Reason(R.LOST)
+            if state.order_id == self.vda_order.order_id and state.order_update_id > known:
+                # Somebody else has extended it: what the robot still drives is not known here.
+                reason = Reason(R.UNKNOWN_UPDATE, update=state.order_update_id, known=known)
+                kind = FailureKind.UNCLEAR
+            yield self._end_order(self._failure_of(kind, reason))
         elif self.phase is VdaOrderPhase.SENT:
             yield from self._look_for_refusal(state, now)
         if self.phase is VdaOrderPhase.CANCELLING and not self.ended:
-            yield from self._settle_cancel(state)
+            yield from self._settle_cancellation(state)
 
     def on_tick(
         self, state: State | None, now: float, unreadable: Reason | None = None
     ) -> Iterator[FleetOutput]:
         """Handle timeouts; ``unreadable``: why the robot's states cannot be used."""
-        if self.phase is VdaOrderPhase.SENT and self._delivery.failed(now):
+        if self.phase is VdaOrderPhase.SENT and self._delivery.has_failed(now):
             times = self._settings.sendings
             failure = self._failure_of(FailureKind.NOT_TAKEN, Reason(R.NEVER_ACCEPTED, count=times))
             if unreadable:
                 reason = Reason(R.ACCEPTANCE_UNREADABLE, unreadable, count=times)
                 failure = self._failure_of(FailureKind.UNCLEAR, reason)
             yield self._end_order(failure)
-        elif self._pending and self.phase is VdaOrderPhase.RUNNING and self._pending.delivery.failed(now):
+        elif self._pending and self.phase is VdaOrderPhase.RUNNING and self._pending.delivery.has_failed(now):
             times = self._settings.sendings
             self._cancel_for(
                 self._failure_of(FailureKind.DRIVE, Reason(R.UPDATE_NEVER_ACCEPTED, count=times))
@@ -310,7 +312,7 @@ class OrderExecution:
         elif self.phase is VdaOrderPhase.RUNNING:
             self._look_for_standstill(state, now)
         elif self.phase is VdaOrderPhase.CANCELLING:
-            yield from self._settle_cancel(state)
+            yield from self._settle_cancellation(state)
 
     def on_undeliverable(self, topic: str) -> Iterator[FleetOutput]:
         """Fail the order, or cancel it if an update of it cannot be sent: the broker refuses the message."""
@@ -320,14 +322,13 @@ class OrderExecution:
         elif self._pending and self.phase is VdaOrderPhase.RUNNING:
             self._cancel_for(self._failure_of(FailureKind.DRIVE, reason))
 
-    def at_end_with_nodes(self, state: State) -> Reason | None:
-        """Return, as a predicate, why the order of a robot at its last node is not finished.
-
-        None unless the robot still reports nodes or edges.
-        """
+    def why_unfinished_at_end(self, state: State) -> Reason | None:
+        """Return, as a predicate, why the order of a robot at its last node is not finished, or None."""
+        # 6.6.2: both lists are empty at the end. Some robots keep the last node, see the property named
+        # below.
         last = self.vda_order.nodes[-1]
         at_end = (state.last_node_id, state.last_node_sequence_id) == (last.node_id, last.sequence_id)
-        if not at_end or state.driving or not self._known_in(state):
+        if not at_end or state.driving or not self._is_known_in(state):
             return None
         names = [node.node_id for node in state.node_states] or [edge.edge_id for edge in state.edge_states]
         field = "nodeStates" if state.node_states else "edgeStates"
@@ -344,6 +345,8 @@ class OrderExecution:
 
     def _take_echo(self, state: State) -> None:
         """Handle the echo of the pending update or, after a restart, of an older one (section 6.1.2)."""
+        # The restart may have been between the commit of an update and its sending: then the robot has less
+        # than the store says, and the rest is sent as an update again.
         if state.order_id != self.vda_order.order_id:
             return
         pending = self._pending
@@ -353,23 +356,14 @@ class OrderExecution:
             self._plan = self._plan or self.vda_order
             self.vda_order, self.update_id = held_by(state, self.vda_order), state.order_update_id
 
-    def _known_in(self, state: State) -> bool:
+    def _is_known_in(self, state: State) -> bool:
         """Return whether the robot has this VDA order, with exactly this update (section 6.1.2)."""
         return state.order_id == self.vda_order.order_id and state.order_update_id == self.update_id
 
     def _follow_progress(self, state: State, now: float) -> Iterator[FleetOutput]:
         """Yield events for the progress of the VDA order in a state that echoes it."""
-        progress = read(state, self.vda_order)
+        name, progress = self.vda_order.order_id, read_progress(state, self.vda_order)
         self._retriable &= {action.action_id for action in progress.retriable}
-        yield from self._report_progress(progress)
-        yield from self._report_base_wanted(state)
-        if progress.done:
-            yield self._end_order(VdaOrderFinished(self._robot, self.vda_order.order_id))
-        elif self.phase is VdaOrderPhase.RUNNING:
-            yield from self._detect_failure(state, progress, now)
-
-    def _report_progress(self, progress: Progress) -> Iterator[FleetOutput]:
-        name = self.vda_order.order_id
         if self._reported < -1:
             self._accepted, self._reported = True, -1
             if self.phase is not VdaOrderPhase.CANCELLING:
@@ -383,13 +377,16 @@ class OrderExecution:
         if progress.operating and not self._operating:
             self._operating = True
             yield OperationStarted(self._robot, name)
-
-    def _report_base_wanted(self, state: State) -> Iterator[FleetOutput]:
-        """Report once that the robot requests more base, if the VDA order has a horizon (section 6.6.3)."""
+        # 6.6.3: newBaseRequest stays true until the robot has more base. It is reported once, and only if
+        # there is a horizon to release.
         wanted = bool(state.new_base_request) and not self.vda_order.nodes[-1].released
         if wanted and not self._base_wanted:
-            yield BaseWanted(self._robot, self.vda_order.order_id)
+            yield BaseWanted(self._robot, name)
         self._base_wanted = wanted
+        if progress.is_done:
+            yield self._end_order(VdaOrderFinished(self._robot, name))
+        elif self.phase is VdaOrderPhase.RUNNING:
+            yield from self._detect_failure(state, progress, now)
 
     def _detect_failure(self, state: State, progress: Progress, now: float) -> Iterator[FleetOutput]:
         """Detect failures of a running VDA order."""
@@ -397,9 +394,11 @@ class OrderExecution:
         if progress.idle and failure:
             yield self._end_order(failure)
         elif progress.idle and not (progress.at_end and progress.unreported):
-            yield self._end_order(
-                self._failure_of(FailureKind.DRIVE, _why_given_up(state), _describe_errors(state.errors))
-            )
+            # 6.6.8: without nodes, edges and running actions a robot has no order any more.
+            reason = Reason(R.ABANDONED)
+            if not state.operating_mode.takes_orders:
+                reason = Reason(R.ABANDONED_IN_MODE, mode=state.operating_mode)
+            yield self._end_order(self._failure_of(FailureKind.DRIVE, reason, _describe(state.errors)))
         elif failure:
             self._cancel_for(failure)
         elif progress.retriable:
@@ -407,10 +406,11 @@ class OrderExecution:
         elif self._pending and (refused := self._pending.refusals(state.errors)):
             if self._pending.is_refused(refused, now):
                 reason = Reason(R.REFUSES_UPDATE)
-                self._cancel_for(self._failure_of(FailureKind.DRIVE, reason, _describe_errors(refused)))
-        elif errors := failures.about(state.errors, self.vda_order, self._before):
-            kind = FailureKind.ACTION if failures.name_actions(errors) else FailureKind.DRIVE
-            self._cancel_for(self._failure_of(kind, Reason(R.ROBOT_FAILED), _describe_errors(errors)))
+                self._cancel_for(self._failure_of(FailureKind.DRIVE, reason, _describe(refused)))
+        elif errors := failures.stopping_errors(state.errors, self.vda_order, self._errors_before):
+            of_action = any(failures.values_named_by(error, "actionId") for error in errors)
+            kind = FailureKind.ACTION if of_action else FailureKind.DRIVE
+            self._cancel_for(self._failure_of(kind, Reason(R.ROBOT_FAILED), _describe(errors)))
         else:
             self._look_for_standstill(state, now)
 
@@ -428,12 +428,17 @@ class OrderExecution:
             return None
         first = failed[0]
         own = (action.action_result for action in failed)
-        reported = (text for action in failed for text in failures.of_action(state.errors, action.action_id))
+        reported = (
+            failures.describe_error(error)
+            for action in failed
+            for error in state.errors
+            if action.action_id in failures.values_named_by(error, "actionId")
+        )
         name = next(
             action.action_type for action in self.vda_order.actions if action.action_id == first.action_id
         )
-        # when an order ends early, its actions fail without having begun
-        at_end = read(state, self.vda_order).at_end
+        # 6.6.9: actions of an order that ends early become FAILED without having begun.
+        at_end = read_progress(state, self.vda_order).at_end
         kind = FailureKind.ACTION if at_end else FailureKind.DRIVE
         return self._failure_of(kind, Reason(R.ACTION_FAILED, action=name), (*filter(None, own), *reported))
 
@@ -448,18 +453,16 @@ class OrderExecution:
             self._cancel_for(failure)
 
     def _standstill_failure(self, state: State) -> VdaOrderFailed | None:
-        if state.driving or not self._known_in(state):
+        if state.driving or not self._is_known_in(state):
             return None
-        if failures.unexplained(state.errors, self.vda_order, self._before):
+        if failures.unexplained_stops(state.errors, self.vda_order, self._errors_before):
             reason = Reason(R.STOPPED_WITH_ERROR)
-            return self._failure_of(FailureKind.DRIVE, reason, _describe_errors(state.errors))
+            return self._failure_of(FailureKind.DRIVE, reason, _describe(state.errors))
         if self.vda_order.actions and not state.node_states:
-            unreported = read(state, self.vda_order).unreported
+            unreported = read_progress(state, self.vda_order).unreported
             reason = Reason(R.ACTIONS_UNREPORTED)
             return (
-                self._failure_of(FailureKind.UNCLEAR, reason, _describe_errors(state.errors))
-                if unreported
-                else None
+                self._failure_of(FailureKind.UNCLEAR, reason, _describe(state.errors)) if unreported else None
             )
         return None
 
@@ -468,23 +471,23 @@ class OrderExecution:
         self.phase = VdaOrderPhase.CANCELLING
 
     def _look_for_refusal(self, state: State, now: float) -> Iterator[FleetOutput]:
-        self._passing &= frozenset(map(failures.identity, state.errors))
-        refusals = failures.refusals(state.errors, self.vda_order, self._before)
-        errors = [error for error in refusals if failures.identity(error) not in self._passing]
+        # A robot that is not localised refuses every order. Once it is, the order is sent again instead of
+        # failing; a second refusal of the same sending counts.
+        self._excused &= frozenset(map(failures.identity_of, state.errors))
+        refusals = failures.refusals(state.errors, self.vda_order, self._errors_before)
+        errors = [error for error in refusals if failures.identity_of(error) not in self._excused]
         if errors and self._position_doubted and self._excused_sending in (0, self._delivery.in_all):
             self._excused_sending = self._delivery.in_all
-            self._passing |= frozenset(map(failures.identity, errors))
+            self._excused |= frozenset(map(failures.identity_of, errors))
             self.hold()
             return
         named = any(failures.is_named(error, self.vda_order) for error in errors)
         if errors and self._delivery.is_refused(now, named=named):
-            yield self._end_order(
-                self._failure_of(FailureKind.REFUSED, Reason(R.REFUSED), _describe_errors(errors))
-            )
+            yield self._end_order(self._failure_of(FailureKind.REFUSED, Reason(R.REFUSED), _describe(errors)))
 
-    def _settle_cancel(self, state: State) -> Iterator[FleetOutput]:
+    def _settle_cancellation(self, state: State) -> Iterator[FleetOutput]:
         """End the VDA order once the robot has confirmed cancelOrder, or does not have the order."""
-        active = self._active_at_robot(state)
+        active = self._is_active_at_robot(state)
         if self.cancel is None:
             if not self._may_be_at_robot(state):
                 yield from self._end_early()
@@ -492,25 +495,22 @@ class OrderExecution:
         outcome = self.cancel.outcome
         if outcome is None:
             return
-        if outcome.status is ActionStatus.FINISHED or not (active or self._may_be_unseen(outcome.status)):
+        # Without an answer, the order or a resent copy of it may still reach the robot, though no state shows
+        # it.
+        may_arrive = outcome.status is None and (not self._accepted or self._delivery.in_all > 1)
+        if outcome.status is ActionStatus.FINISHED or not (active or may_arrive):
             yield from self._end_early()
         else:
             why = self._failure.reason if self._failure else Reason(R.CANCELLED)
             reason = Reason(R.CANCEL_REFUSED, why, outcome.reason)
-            yield self._end_order(
-                self._failure_of(FailureKind.UNCLEAR, reason, _describe_errors(state.errors))
-            )
-
-    def _may_be_unseen(self, cancelled: ActionStatus | None) -> bool:
-        """Return whether the order or a resent copy may still reach the robot although no state shows it."""
-        return cancelled is None and (not self._accepted or self._delivery.in_all > 1)
+            yield self._end_order(self._failure_of(FailureKind.UNCLEAR, reason, _describe(state.errors)))
 
     def _may_be_at_robot(self, state: State) -> bool:
         sent_unseen = (self._delivery.in_all or self._adopted) and not self._accepted
-        return sent_unseen or self._active_at_robot(state)
+        return sent_unseen or self._is_active_at_robot(state)
 
-    def _active_at_robot(self, state: State) -> bool:
-        return self._known_in(state) and not read(state, self.vda_order).idle
+    def _is_active_at_robot(self, state: State) -> bool:
+        return self._is_known_in(state) and not read_progress(state, self.vda_order).idle
 
     def _end_early(self) -> Iterator[FleetOutput]:
         if self._failure:
@@ -521,24 +521,10 @@ class OrderExecution:
     def _failure_of(self, kind: FailureKind, reason: Reason, details: tuple[str, ...] = ()) -> VdaOrderFailed:
         return VdaOrderFailed(self._robot, self.vda_order.order_id, reason, details, kind)
 
-    def _failure_of_loss(self, state: State) -> VdaOrderFailed:
-        """Return the failure of an order that the robot no longer has, or has in a later update."""
-        if state.order_id == self.vda_order.order_id and state.order_update_id > self.update_id:
-            reason = Reason(R.UNKNOWN_UPDATE, update=state.order_update_id, known=self.update_id)
-            return self._failure_of(FailureKind.UNCLEAR, reason)
-        reason = Reason(R.LOST_TO_OTHER, order=state.order_id) if state.order_id else Reason(R.LOST)
-        return self._failure_of(FailureKind.LOST, reason)
-
     def _end_order(self, output: FleetOutput) -> FleetOutput:
         self.ended = True
         return output
 
 
-def _describe_errors(errors: Iterable[ErrorEntry]) -> tuple[str, ...]:
-    return tuple(map(failures.describe, errors))
-
-
-def _why_given_up(state: State) -> Reason:
-    if not state.operating_mode.takes_orders:
-        return Reason(R.ABANDONED_IN_MODE, mode=state.operating_mode)
-    return Reason(R.ABANDONED)
+def _describe(errors: Iterable[ErrorEntry]) -> tuple[str, ...]:
+    return tuple(map(failures.describe_error, errors))

@@ -63,15 +63,15 @@ class Delivery:
     _doubted_at: float | None = None
     """When a refusal that may be about another message was first seen."""
 
-    def due(self, now: float) -> bool:
+    def is_due(self, now: float) -> bool:
         """Return whether the message is to be sent now."""
         return now >= self._due_at and self.sendings < self.settings.sendings
 
-    def failed(self, now: float) -> bool:
+    def has_failed(self, now: float) -> bool:
         """Return whether all attempts are used up and the delay after the last one has passed."""
         return now >= self._due_at and self.sendings >= self.settings.sendings
 
-    def sent(self, now: float) -> None:
+    def note_sent(self, now: float) -> None:
         """Note that the message was sent."""
         pause = self.settings.resend_after * 2.0**self.sendings
         self._due_at = now + min(pause, self.settings.resend_at_most_after)
@@ -79,10 +79,9 @@ class Delivery:
         self.in_all += 1
 
     def is_refused(self, now: float, *, named: bool) -> bool:
-        """Return whether a refusal counts: it is ``named``, or persists after a resend.
-
-        An unnamed refusal may be about another message. The message is then resent first.
-        """
+        """Return whether a refusal counts: it is ``named``, or persists after a resend."""
+        # 2.x does not require references: an unnamed refusal may be about another message, which a resend
+        # shows.
         if named or self.sendings >= self.settings.sendings:
             return True
         if self._doubted_at is None:
@@ -90,7 +89,7 @@ class Delivery:
             self._due_at = 0.0
         return now - self._doubted_at >= self.settings.resend_after
 
-    def hold(self) -> None:
+    def restart(self) -> None:
         """Restart the schedule, because the robot cannot be sent the message now."""
         self.sendings = 0
         self._due_at = 0.0

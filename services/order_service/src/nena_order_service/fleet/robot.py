@@ -52,8 +52,7 @@ class MessageOrder:
     restarts counts from 0 with a later timestamp, so its message is new. One whose clock was also set back is
     accepted after BELIEVED_COUNT messages, or at once after :meth:`restart`.
 
-    Messages with the same header have no order: they are new if their content differs. A sender whose
-    timestamps cannot be read and whose headerId never changes may be idle, so all its messages are new.
+    Messages with the same header have no order: they are new if their content differs.
     """
 
     def __init__(self) -> None:
@@ -71,7 +70,7 @@ class MessageOrder:
         self._last = None
 
     @property
-    def last(self) -> str:
+    def last_header(self) -> str:
         """The header of the last new message, for people."""
         return "" if self._last is None else header_text(*self._last)
 
@@ -82,8 +81,9 @@ class MessageOrder:
         """
         last, header = self._last, (header_id, timestamp)
         if last == header:
-            ordered = self._counts or timestamp != NO_TIME
-            if ordered and content == self._content:
+            # Without either a counting headerId or a time, an idle robot's states cannot be told apart.
+            is_ordered = self._counts or timestamp != NO_TIME
+            if is_ordered and content == self._content:
                 return False
         elif last is not None:
             old = header_id <= last[0] and timestamp <= last[1]
@@ -95,6 +95,7 @@ class MessageOrder:
         return True
 
     def _is_believed(self, header: tuple[int, datetime], now: float) -> bool:
+        # Another order among the old messages shows a repetition by the broker, not a sender that counts on.
         if self._last_old is None or header <= self._last_old:
             self._old_in_a_row, self._old_since = 0, now
         self._old_in_a_row += 1
@@ -226,6 +227,7 @@ class Abilities:
     @cached_property
     def takes_positions(self) -> bool:
         """Whether positions of nodes are sent as they are: with all fields, and without filling any."""
+        # Of most robots: then an order of hundreds of nodes needs no copy of each.
         demanded = set(self.required_fields).intersection(POSITION_FIELDS)
         return not demanded and all(map(self.takes_field, POSITION_FIELDS))
 
@@ -234,7 +236,7 @@ class Abilities:
         """Whether the robot supports RETRIABLE actions and ``retry`` (section 6.6.9)."""
         rules = self.codec.rules if self.codec else None
         has_status = rules is not None and ActionStatus.RETRIABLE in rules.action_statuses
-        listed = not self.lists_actions or bool(self.declarations(RETRY))
+        listed = not self.lists_actions or bool(self.declared_actions(RETRY))
         return has_status and listed and self.takes_field("nodes.actions.retriable")
 
     @cached_property
@@ -252,16 +254,16 @@ class Abilities:
         """Whether the factsheet lists the supported actions."""
         return bool(self.factsheet.protocol_features.mobile_robot_actions)
 
-    def declarations(self, action_type: str) -> tuple[MobileRobotAction, ...]:
+    def declared_actions(self, action_type: str) -> tuple[MobileRobotAction, ...]:
         """Return the declarations of an action type; some robots list one for each scope."""
         actions = self.factsheet.protocol_features.mobile_robot_actions
         return tuple(action for action in actions if action.action_type == action_type)
 
-    def parameters(self, action: Action) -> dict[str, ActionParameterDescription]:
+    def declared_parameters(self, action: Action) -> dict[str, ActionParameterDescription]:
         """Return the parameters that the factsheet lists for an action, by key."""
         return {
             parameter.key: parameter
-            for declaration in self.declarations(action.action_type)
+            for declaration in self.declared_actions(action.action_type)
             for parameter in declaration.action_parameters or ()
         }
 
@@ -323,18 +325,16 @@ class Robot:
         self._silent_after = self.settings.silent_after
 
     def take_connection(self, message: Connection, now: float) -> bool:
-        """Update the connection state (section 6.5); return whether the robot has connected or disconnected.
-
-        A last will has an old header, so the age of the message does not matter. A repeated or retained
-        message is not a new connection: an old state after it stays old. The same holds for ONLINE after
-        ONLINE with a higher headerId: some robots publish it periodically, and a restarted one counts from 0.
-        """
+        """Update the connection state (section 6.5); return whether that has changed."""
+        # Some robots publish ONLINE periodically. That is no new connection: one that restarts counts from 0.
         online = message.connection_state is ConnectionState.ONLINE
         online_id = self._online_id if self.connection is ConnectionState.ONLINE else None
         periodic = online and online_id is not None and message.header_id > online_id
         self._online_id = message.header_id if online else None
         self.connection = message.connection_state
         self._heard_at = now
+        # The age does not matter, as a last will was made when the robot connected. A message that is
+        # repeated or retained is no new connection either: an old state after it stays old.
         header = message.header_id, message.timestamp
         if header in self._connections:
             return False
@@ -349,11 +349,7 @@ class Robot:
         return True
 
     def take_state(self, message: State, now: float) -> bool:
-        """Store a state; return whether it is new.
-
-        A state after OFFLINE or a last will shows that the robot is back: the broker may deliver the will of
-        an old connection after the new connection is up.
-        """
+        """Store a state; return whether it is new."""
         if not self._order.is_new(message.header_id, message.timestamp, now, message):
             return False
         self.unreadable, self.states_unreadable, self.sighting = None, False, None
@@ -365,8 +361,9 @@ class Robot:
             self.placed = now < self._placed_until
         self.state = message
         self.state_at = self._heard_at = now
-        if self.connection is not ConnectionState.ONLINE:
-            self.connection = ConnectionState.ONLINE
+        # Brokers may deliver the will of an old connection after the new one is up. A state shows who is
+        # right.
+        self.connection = ConnectionState.ONLINE
         return True
 
     def take_unreadable_state(self, problem: Reason, sighting: State | None, now: float) -> None:
@@ -376,7 +373,7 @@ class Robot:
         if sighting and self._order.is_new(sighting.header_id, sighting.timestamp, now, sighting):
             self.sighting, self.state_at = sighting, now
 
-    def take_old(self, header: str, last: str, now: float) -> None:
+    def take_old_state(self, header: str, last: str, now: float) -> None:
         """Note that a state is ignored, because its header does not come after the last one's."""
         self._note_problem(Reason(R.OLD_STATES, received=header, last=last), now)
 
@@ -397,7 +394,7 @@ class Robot:
         interval = message.protocol_limits.timing.default_state_interval or 0.0
         self._silent_after = max(self.settings.silent_after, self.settings.silent_intervals * interval)
 
-    def link(self, now: float) -> LinkStatus:
+    def link_status(self, now: float) -> LinkStatus:
         """Return the state of the link; a robot with unreadable or ignored messages is not silent."""
         if self.connection is None or self._heard_at is None:
             return LinkStatus.UNREADABLE if self.unreadable else LinkStatus.UNKNOWN
@@ -406,14 +403,14 @@ class Robot:
             return LinkStatus.UNREADABLE if self.states_unreadable else LinkStatus.ONLINE
         speaks = bool(self.unreadable) and now <= self._unreadable_at + self._silent_after
         if self.connection in AWAY:
-            back = speaks and self._unreadable_at > self._heard_at
-            return LinkStatus.UNREADABLE if back else AWAY[self.connection]
+            is_back = speaks and self._unreadable_at > self._heard_at
+            return LinkStatus.UNREADABLE if is_back else AWAY[self.connection]
         return LinkStatus.UNREADABLE if speaks else LinkStatus.SILENT
 
     @property
     def last_header(self) -> str:
         """The header of its last new state, for people."""
-        return self._order.last
+        return self._order.last_header
 
     @property
     def rules(self) -> Rules | None:
@@ -422,7 +419,7 @@ class Robot:
         return codec.rules if codec else None
 
     @property
-    def reachable(self) -> bool:
+    def is_reachable(self) -> bool:
         """Whether messages may reach the robot: it has connected and is not known to be offline."""
         return self.connection is not None and self.connection not in AWAY
 
@@ -443,6 +440,7 @@ class Robot:
         limits = self.factsheet.protocol_limits.maximum_array_lengths if self.factsheet else None
         room = limits.state_instant_action_states if limits else None
         usual = self.settings.clear_instant_actions_from
+        # At half of what its state can hold: until it has cleared them, more may end.
         return min(usual, max(room // 2, 1)) if room else usual
 
     @property

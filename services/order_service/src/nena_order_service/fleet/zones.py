@@ -23,7 +23,7 @@ INSIDE: Final = frozenset({RequestStatus.GRANTED, RequestStatus.REVOKED, Request
 
 
 @dataclass(slots=True)
-class _Asked:
+class _Claim:
     """A robot's request, and the last answer to it; times are in monotonic seconds."""
 
     robot: RobotKey
@@ -36,9 +36,19 @@ class _Asked:
     lease_until: float | None = None
 
     @property
-    def holds(self) -> bool:
+    def is_inside(self) -> bool:
         """Whether the robot may be inside: it has a grant, or its release ended while it was inside."""
         return self.shown in INSIDE or self.answer is GrantType.GRANTED
+
+    def shows(self, answer: GrantType) -> bool:
+        """Return whether the robot's state shows the answer."""
+        match answer:
+            case GrantType.GRANTED:
+                return self.shown is RequestStatus.GRANTED
+            case GrantType.REVOKED:
+                return self.shown in (RequestStatus.REVOKED, RequestStatus.EXPIRED)
+            case GrantType.QUEUED | GrantType.REJECTED:
+                return self.answer is answer  # robots need not show these: having sent them suffices
 
 
 @dataclass(slots=True)
@@ -54,107 +64,90 @@ class ReleaseManager:
 
     settings: FleetSettings
     utc_now: Callable[[], datetime]
-    _asked: dict[Place, list[_Asked]] = field(default_factory=dict)
+    _claims: dict[Place, list[_Claim]] = field(default_factory=dict)
 
     def on_state(self, robot: RobotKey, state: State) -> None:
         """Update a robot's requests from its state (section 6.9)."""
-        requests = {(_place_of(request), request.request_id): request for request in _open_requests(state)}
-        for place, asked in list(self._asked.items()):
-            asked[:] = [
-                request
-                for request in asked
-                if request.robot != robot or (place, request.request_id) in requests
+        # 6.9: a corridor of the horizon is not answered before its edge is released.
+        horizon = {edge.sequence_id for edge in state.edge_states if not edge.released}
+        corridors = (edge for edge in state.edge_requests or () if edge.sequence_id not in horizon)
+        requests: dict[tuple[Place, str], Request] = {
+            (_place_of(request), request.request_id): request
+            for request in (*(state.zone_requests or ()), *corridors)
+        }
+        for place, claims in list(self._claims.items()):
+            claims[:] = [
+                claim for claim in claims if claim.robot != robot or (place, claim.request_id) in requests
             ]
-            if not asked:
-                del self._asked[place]
-        for (place, _), request in requests.items():
-            self._note_request(robot, self._asked.setdefault(place, []), request)
+            if not claims:
+                del self._claims[place]
+        for (place, request_id), request in requests.items():
+            claims = self._claims.setdefault(place, [])
+            for claim in claims:
+                if (claim.robot, claim.request_id) == (robot, request_id):
+                    claim.shown = request.request_status
+                    break
+            else:
+                claims.append(_Claim(robot, request_id, request.request_status))
 
-    def answers(
+    def take_due_answers(
         self, now: float, *, all_known: bool, reachable: Callable[[RobotKey], bool]
     ) -> Iterator[PublishResponses]:
-        """Yield the answers due now (section 6.9).
+        """Yield the answers due now (section 6.9), which count as sent.
 
         ``all_known``: every connected robot has reported its state.
         """
         by_robot: dict[RobotKey, list[Response]] = {}
-        for asked in self._asked.values():
-            for asked_request in asked:
-                wanted = self._wanted_answer(asked_request, asked, all_known=all_known)
-                if reachable(asked_request.robot) and self._is_due(asked_request, wanted, now):
-                    by_robot.setdefault(asked_request.robot, []).append(
-                        self._make_answer(asked_request, wanted, now)
-                    )
+        for claims in self._claims.values():
+            for claim in claims:
+                wanted = self._choose_answer(claim, claims, all_known=all_known)
+                if reachable(claim.robot) and self._is_due(claim, wanted, now):
+                    by_robot.setdefault(claim.robot, []).append(self._make_answer(claim, wanted, now))
         for robot, responses in by_robot.items():
             yield PublishResponses(robot, tuple(responses))
 
     @property
-    def busy(self) -> bool:
+    def has_requests(self) -> bool:
         """Whether any robot has requests."""
-        return bool(self._asked)
+        return bool(self._claims)
 
-    def _note_request(self, robot: RobotKey, asked: list[_Asked], request: Request) -> None:
-        for request_run in asked:
-            if (request_run.robot, request_run.request_id) == (robot, request.request_id):
-                request_run.shown = request.request_status
-                return
-        asked.append(_Asked(robot, request.request_id, request.request_status))
-
-    def _wanted_answer(self, each: _Asked, asked: list[_Asked], *, all_known: bool) -> GrantType:
-        """Return the answer to a request by the release policy."""
+    def _choose_answer(self, claim: _Claim, claims: list[_Claim], *, all_known: bool) -> GrantType:
+        """Return the answer to a request by the release policy; ``claims`` are all those for its place."""
         policy = self.settings.release_policy
         if policy is ReleasePolicy.ALL:
             return GrantType.GRANTED
         if policy is ReleasePolicy.NONE:
-            return GrantType.REVOKED if each.holds else GrantType.REJECTED
-        holder = next((request.robot for request in asked if request.holds), asked[0].robot)
-        if each.robot != holder:
-            return GrantType.REVOKED if each.holds else GrantType.QUEUED
-        return GrantType.GRANTED if all_known or each.holds else GrantType.QUEUED
+            return GrantType.REVOKED if claim.is_inside else GrantType.REJECTED
+        holder = next((rival.robot for rival in claims if rival.is_inside), claims[0].robot)
+        if claim.robot != holder:
+            return GrantType.REVOKED if claim.is_inside else GrantType.QUEUED
+        # After a restart a robot that has not reported yet may be inside by a grant of the last run.
+        return GrantType.GRANTED if all_known or claim.is_inside else GrantType.QUEUED
 
-    def _is_due(self, each: _Asked, wanted: GrantType, now: float) -> bool:
+    def _is_due(self, claim: _Claim, wanted: GrantType, now: float) -> bool:
         """Return whether to send the answer: it is new, the robot does not show it, or its lease runs out."""
-        if _shows_answer(each, wanted):
-            return wanted is GrantType.GRANTED and self._must_renew(each, now)
-        if each.answer is not wanted:
+        if claim.shows(wanted):
+            # 6.9: a release that expires inside makes the robot leave or stop. Renewed at half of the lease,
+            # it survives a lost answer. After a restart the lease is unknown, and may be about to run out.
+            lease, until = self.settings.release_lease, claim.lease_until
+            renews = lease > 0 and (until is None or now >= until - lease / 2)
+            return wanted is GrantType.GRANTED and renews
+        if claim.answer is not wanted:
             return True
-        pause = min(self.settings.resend_after * 2.0**each.repeats, self.settings.resend_at_most_after)
-        return now - each.answered_at >= pause
+        pause = min(self.settings.resend_after * 2.0**claim.repeats, self.settings.resend_at_most_after)
+        return now - claim.answered_at >= pause
 
-    def _must_renew(self, each: _Asked, now: float) -> bool:
-        """Return whether half of a grant's lease has passed, or the lease is unknown after a restart."""
-        lease = self.settings.release_lease
-        return lease > 0 and (each.lease_until is None or now >= each.lease_until - lease / 2)
-
-    def _make_answer(self, each: _Asked, wanted: GrantType, now: float) -> Response:
-        again = each.answer is wanted and not _shows_answer(each, wanted)
-        each.repeats = each.repeats + 1 if again else 0
-        each.answer, each.answered_at = wanted, now
+    def _make_answer(self, claim: _Claim, wanted: GrantType, now: float) -> Response:
+        is_repeat = claim.answer is wanted and not claim.shows(wanted)
+        claim.repeats = claim.repeats + 1 if is_repeat else 0
+        claim.answer, claim.answered_at = wanted, now
         lease = self.settings.release_lease if wanted is GrantType.GRANTED else 0.0
-        each.lease_until = now + lease if lease else None
+        claim.lease_until = now + lease if lease else None
         expiry = self.utc_now() + timedelta(seconds=lease) if lease else None
-        return Response(request_id=each.request_id, grant_type=wanted, lease_expiry=expiry)
-
-
-def _open_requests(state: State) -> Iterator[Request]:
-    """Yield the requests to answer; corridors of the horizon must wait until their edges are released."""
-    horizon = {edge.sequence_id for edge in state.edge_states if not edge.released}
-    yield from state.zone_requests or ()
-    yield from (request for request in state.edge_requests or () if request.sequence_id not in horizon)
+        return Response(request_id=claim.request_id, grant_type=wanted, lease_expiry=expiry)
 
 
 def _place_of(request: Request) -> Place:
     if isinstance(request, EdgeRequest):
         return (request.edge_id,)
     return request.zone_set_id, request.zone_id
-
-
-def _shows_answer(each: _Asked, wanted: GrantType) -> bool:
-    """Return whether the robot's state shows the answer; some answers, such as QUEUED, need not be shown."""
-    match wanted:
-        case GrantType.GRANTED:
-            return each.shown is RequestStatus.GRANTED
-        case GrantType.REVOKED:
-            return each.shown in (RequestStatus.REVOKED, RequestStatus.EXPIRED)
-        case GrantType.QUEUED | GrantType.REJECTED:
-            return each.answer is wanted
