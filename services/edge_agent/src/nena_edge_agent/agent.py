@@ -15,7 +15,6 @@ from nena_edge_agent.actions.run import ActionRunner
 from nena_edge_agent.driver.port import (
     DriveFailed,
     DriveFailure,
-    DriveGoal,
     Driver,
     Pose,
 )
@@ -43,9 +42,7 @@ from nena_shared.program import StartError
 from nena_shared.tasks import Supervisor, report_failure
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry
-from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import Topic
-from nena_shared.vda5050.visualization import Visualization
 
 log = get_logger(__name__)
 P = ParamSpec("P")
@@ -174,7 +171,13 @@ class RobotAgent:
                 try:
                     await self._driver.start()  # meanwhile the link connects; messages wait in the mailbox
                     supervisor.start(f"robot {self.robot}", self._serve_events())
-                    await supervisor.wait(self._begin_power(supervisor, stop))
+                    ending = stop
+                    if self._settings.power_actions:
+                        # A robot that fleet control shuts down must not stop the others of the program.
+                        ending = self._ending
+                        supervisor.start(f"power {self.robot}", self._run_power_commands())
+                        supervisor.start(f"stop {self.robot}", self._end_with(stop), vital=False)
+                    await supervisor.wait(ending)
                 except Exception:
                     await self._publish_disconnection(ConnectionState.CONNECTION_BROKEN)
                     raise
@@ -184,8 +187,11 @@ class RobotAgent:
             for extension in self._extensions:
                 self._isolate_errors(extension.on_end, self._robot)
             await self._driver.stop()
-        if self._shuts_down:
-            await self._shut_down()
+        if self._shuts_down:  # only now: the robot is offline, and its driver has ended
+            self._log.info("shutting down")
+            if problem := await run_command(self._settings.power, events.PowerCommand.SHUT_DOWN):
+                message = f"the robot could not be shut down: {problem}; check power.shutdown_command"
+                raise StartError(message)  # which starts the robot again
 
     def snapshot(self) -> AgentSnapshot:
         """Return the current values for metrics."""
@@ -201,30 +207,24 @@ class RobotAgent:
 
     async def _serve_events(self) -> None:
         while True:
-            await self._mailbox.wait(self._next_due() - self._clock.monotonic())
-            effects = self._handle_event(self._mailbox.take())
+            await self._mailbox.wait(self._next_due_time() - self._clock.monotonic())
+            effects = self._handle_events(self._mailbox.take_all())
             await self._write_record()
+            # Durable before visible: drives wait until the record survives the process, all else until it
+            # is on disk.
             to_driver = (effect for effect in effects if isinstance(effect, DRIVER_EFFECTS))
             written = self._recorder.has_written(self._core.durable_version)
-            self._perform_all(self._drives.sift(to_driver, recorded=written))
+            self._perform_all(self._drives.select_ready(to_driver, recorded=written))
             await self._recorder.sync()
             others = (effect for effect in effects if not isinstance(effect, DRIVER_EFFECTS))
-            self._perform_all(self._others.sift(others, recorded=self._is_recorded))
-            self._isolate_errors(self._publish_due)
-
-    def _begin_power(self, supervisor: Supervisor, stop: asyncio.Event) -> asyncio.Event:
-        """Serve hibernation and shutdown if the robot offers them; return the event that ends the agent."""
-        if not self._settings.power_actions:
-            return stop
-        supervisor.start(f"power {self.robot}", self._serve_power())
-        supervisor.start(f"stop {self.robot}", self._end_with(stop), vital=False)
-        return self._ending
+            self._perform_all(self._others.select_ready(others, recorded=self._is_recorded))
+            self._isolate_errors(self._publish_due_messages)
 
     async def _end_with(self, stop: asyncio.Event) -> None:
         await stop.wait()
         self._ending.set()
 
-    async def _serve_power(self) -> None:
+    async def _run_power_commands(self) -> None:
         """Run the commands that hibernate and wake the robot, one after the other."""
         settings = self._settings.power
         while True:
@@ -237,28 +237,16 @@ class RobotAgent:
                 await self._link.drain(DISCONNECT_TIMEOUT)  # the command may slow down the network
             self._mailbox.put(events.PowerReport(kind, await run_command(settings, kind, environment)))
 
-    async def _shut_down(self) -> None:
-        """Run the shutdown command, now that the robot is offline and its driver has ended.
-
-        Raises:
-            StartError: it has failed; start the robot again.
-        """
-        self._log.info("shutting down")
-        if problem := await run_command(self._settings.power, events.PowerCommand.SHUT_DOWN):
-            message = f"the robot could not be shut down: {problem}; check power.shutdown_command"
-            raise StartError(message)
-
-    def _handle_event(self, received: list[events.Event]) -> list[events.Effect]:
+    def _handle_events(self, received: list[events.Event]) -> list[events.Effect]:
         now = self._clock.monotonic()
         if self._core.power is not PowerPhase.AWAKE:
-            received.append(
-                events.TimePassed(self._clock.now())
-            )  # the monotonic clock stops during a suspend
+            # With the time of day: the monotonic clock stops during a suspend.
+            received.append(events.TimePassed(self._clock.now()))
         elif not received and self._core.waits:
             received = [events.TimePassed()]
         effects: list[events.Effect] = []
         for event in received:
-            self._statistics.note(event, now)
+            self._statistics.count_event(event, now)
             try:
                 followed = self._core.handle(event, now)
             except Exception as error:  # noqa: BLE001 - it is reported
@@ -276,10 +264,10 @@ class RobotAgent:
         shown = self._core.robot.errors.entries
         if shown is self._logged_errors:
             return
-        before = {error_key(error) for error in self._logged_errors}
+        logged = {error_key(error) for error in self._logged_errors}
         self._logged_errors = shown
         for entry in shown:
-            if error_key(entry) not in before:
+            if error_key(entry) not in logged:
                 self._log.warning(
                     "error reported",
                     error_type=entry.error_type,
@@ -311,7 +299,13 @@ class RobotAgent:
             case events.ReportState():
                 self._states.request(self._clock.monotonic())
             case events.Drive(goal):
-                self._start_drive(goal)
+                try:
+                    self._driver.go_to(goal)
+                except Exception as error:
+                    # Without this report, the core would wait for the end of a drive that never began.
+                    log.exception("the driver refused a goal", robot=str(self.robot), goal=goal.generation)
+                    text = f"the driver failed: {error}"
+                    self._mailbox.put(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, text))
             case events.Halt():
                 self._driver.halt()
             case events.LimitSpeed(speed):
@@ -345,14 +339,6 @@ class RobotAgent:
             case events.LogIgnored(message):
                 self._log.info("ignored while hibernating or shutting down", message=message)
 
-    def _start_drive(self, goal: DriveGoal) -> None:
-        try:
-            self._driver.go_to(goal)
-        except Exception as error:
-            log.exception("the driver refused a goal", robot=str(self.robot), goal=goal.generation)
-            text = f"the driver failed: {error}"
-            self._mailbox.put(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, text))
-
     def _isolate_errors(self, step: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
         """Run ``step``; if it fails, log that, and continue the robot's task."""
         try:
@@ -360,30 +346,35 @@ class RobotAgent:
         except Exception as error:  # noqa: BLE001 - it is reported
             report_failure("a step failed", error, robot=str(self.robot))
 
-    def _next_due(self) -> float:
+    def _next_due_time(self) -> float:
+        """Return when the next message or check of a timeout is due, monotonic, s."""
         if self._core.power.silent:
             return self._clock.monotonic() + TIMEOUT_INTERVAL
         due = min(self._states.due, self._visualizations.due)
         waits = self._core.waits or not self._is_recorded
         return min(due, self._clock.monotonic() + TIMEOUT_INTERVAL) if waits else due
 
-    def _publish_due(self) -> None:
+    def _publish_due_messages(self) -> None:
         now = self._clock.monotonic()
         if self._core.power.silent:
             self._greeting = False
             return
-        if not self._mailbox.empty and now - self._states.due < MAXIMUM_BATCH_DELAY:
+        if not self._mailbox.is_empty and now - self._states.due < MAXIMUM_BATCH_DELAY:
             return  # one message reports their effects too
         if self._greeting or self._states.due <= now:
             self._publish_state()
-            self._states.sent(now)
+            self._states.record_sent(now)
             ends = self._core.power is PowerPhase.SHUTTING_DOWN  # a restart is awake, so it needs no record
             if self._link.state.connected and (ends or (self._core.power.signs_off and self._is_recorded)):
                 self._mailbox.put(events.SignedOff())
         if self._visualizations.due <= now:
             if self._link.state.connected and self._core.robot.reports.pose is not None:
-                self._publish_message(self._messages.visualization(self._make_visualization()))
-            self._visualizations.sent(now)
+                headers = self._messages.headers
+                header, state_id = headers.make(Topic.VISUALIZATION), headers.last_id(Topic.STATE)
+                self._publish_message(
+                    self._messages.visualization(self._core.visualization(header, state_id))
+                )
+            self._visualizations.record_sent(now)
 
     def _publish_state(self) -> None:
         """Publish the state; the first one on a connection is queued until the link sends it."""
@@ -395,11 +386,8 @@ class RobotAgent:
             state = with_recorded_fields(state, self._shown, last=ends)
         self._publish_message(self._messages.state(state, keep=self._greeting))
         self._shown, self._greeting = state, False
-        self._log_ended_actions(state)
-
-    def _log_ended_actions(self, state: State) -> None:
-        """Log the end of each action, once per run of the program."""
-        ended = {each.action_id: each for each in state.action_states if each.action_status.ended}
+        # A state repeats the end of an action until the next order: log it once.
+        ended = {action.action_id: action for action in state.action_states if action.action_status.ended}
         for action_id in ended.keys() - self._logged_ends:
             self._log.info(
                 "action ended",
@@ -409,10 +397,6 @@ class RobotAgent:
                 status=ended[action_id].action_status.value,
             )
         self._logged_ends = frozenset(ended)
-
-    def _make_visualization(self) -> Visualization:
-        header = self._messages.headers.make(Topic.VISUALIZATION)
-        return self._core.visualization(header, self._messages.headers.last_id(Topic.STATE))
 
     def _make_connection(self, make_link: Callable[..., BrokerLink]) -> BrokerLink:
         link = make_link(

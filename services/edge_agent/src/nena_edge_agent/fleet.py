@@ -16,7 +16,7 @@ MAXIMUM_RESTART_DELAY = 60.0
 """Maximum interval between two starts of a robot, seconds."""
 
 
-class Robot(Protocol):
+class Agent(Protocol):
     """The agent of one robot."""
 
     async def run(self, stop: asyncio.Event) -> None:
@@ -25,7 +25,7 @@ class Robot(Protocol):
 
 
 async def run_fleet(
-    makers: Mapping[str, Callable[[], Robot]], stop: asyncio.Event, *, restarts: int, pause: float
+    makers: Mapping[str, Callable[[], Agent]], stop: asyncio.Event, *, restarts: int, pause: float
 ) -> None:
     """Run the robots until ``stop`` is set; ``makers`` create their agents, by robot name.
 
@@ -37,45 +37,30 @@ async def run_fleet(
     """
     abandoned: list[str] = []
 
-    async def keep_up(name: str, make: Callable[[], Robot]) -> None:
-        if not await _keep_up(name, make, stop, restarts, pause):
-            abandoned.append(name)
+    async def run_robot(name: str, make: Callable[[], Agent]) -> None:
+        for attempt in range(restarts + 1):
+            try:
+                await make().run(stop)
+            except (StartError, TaskFailedError) as error:
+                log.error("robot failed", robot=name, reason=str(error))  # noqa: TRY400 - the reason suffices
+            except Exception:
+                log.exception("robot failed", robot=name)
+            else:
+                return
+            if attempt < restarts:
+                seconds = min(pause * 2**attempt, MAXIMUM_RESTART_DELAY)
+                log.info("restarting robot", robot=name, in_seconds=seconds, restarts_left=restarts - attempt)
+                if await set_within(stop, seconds):
+                    return
+        log.error("robot abandoned; the others continue", robot=name, starts=restarts + 1)
+        abandoned.append(name)
 
     async with Supervisor() as supervisor:
         tasks = [
-            supervisor.start(f"agent {name}", keep_up(name, make), vital=False)
+            supervisor.start(f"agent {name}", run_robot(name, make), vital=False)
             for name, make in makers.items()
         ]
         await asyncio.gather(*tasks)
     if abandoned and not stop.is_set():
         message = "no robot is running; see the log for the reasons"
         raise StartError(message)
-
-
-async def _keep_up(
-    name: str, make: Callable[[], Robot], stop: asyncio.Event, restarts: int, pause: float
-) -> bool:
-    """Run the robot until it ends; return whether it ended normally."""
-    for attempt in range(restarts + 1):
-        if await _run_robot(name, make, stop):
-            return True
-        if attempt < restarts:
-            seconds = min(pause * 2**attempt, MAXIMUM_RESTART_DELAY)
-            log.info("restarting robot", robot=name, in_seconds=seconds, restarts_left=restarts - attempt)
-            if await set_within(stop, seconds):
-                return True
-    log.error("robot abandoned; the others continue", robot=name, starts=restarts + 1)
-    return False
-
-
-async def _run_robot(name: str, make: Callable[[], Robot], stop: asyncio.Event) -> bool:
-    """Run the robot once; return whether it ended normally."""
-    try:
-        await make().run(stop)
-    except (StartError, TaskFailedError) as error:
-        log.error("robot failed", robot=name, reason=str(error))  # noqa: TRY400 - the reason suffices
-    except Exception:
-        log.exception("robot failed", robot=name)
-    else:
-        return True
-    return False

@@ -101,7 +101,16 @@ async def _serve_robots(settings: EdgeAgentSettings, stop: asyncio.Event) -> Non
             api = ControlApi(settings.mqtt, topics.interface_name, controls)
             supervisor.start("simulation control", forever("simulation control", api.run), vital=False)
         try:
-            await _run_all(settings, makers, stop)
+            first = next(iter(makers))
+            start_log = log.bind(robots=len(makers), driver=settings.driver, first=first)
+            if len(makers) == 1:  # its failure ends the program, whose service manager starts it again
+                agent = makers[first]()
+                start_log.info("robots started")
+                await agent.run(stop)
+            else:
+                start_log.info("robots start")
+                loopback = settings.loopback
+                await run_fleet(makers, stop, restarts=loopback.restarts, pause=loopback.restart_pause)
         finally:
             for extension in extensions:
                 await extension.close()
@@ -215,22 +224,6 @@ def make_registry(
         if settings.loopback.rehearsal:
             plugins.extend(simulated_actions())
     return ActionRegistry(plugins, found)
-
-
-async def _run_all(
-    settings: EdgeAgentSettings, makers: Mapping[str, Callable[[], RobotAgent]], stop: asyncio.Event
-) -> None:
-    """Run one robot, whose failure ends the program, or a fleet, whose robots fail independently."""
-    first = next(iter(makers))
-    start = log.bind(robots=len(makers), driver=settings.driver, first=first)
-    if len(makers) == 1:
-        agent = makers[first]()
-        start.info("robots started")
-        await agent.run(stop)
-        return
-    start.info("robots start")
-    loopback = settings.loopback
-    await run_fleet(makers, stop, restarts=loopback.restarts, pause=loopback.restart_pause)
 
 
 def main(arguments: Sequence[str]) -> int:

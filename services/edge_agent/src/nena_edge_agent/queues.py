@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections import deque
 from collections.abc import Iterable
 from math import inf
 
@@ -36,7 +35,7 @@ class Mailbox:
     """
 
     def __init__(self) -> None:
-        self._events: deque[events.Event] = deque()
+        self._events: list[events.Event] = []
         self._newest: dict[type, events.Event] = {}
         self._messages = 0
         self._filled = asyncio.Event()
@@ -46,27 +45,29 @@ class Mailbox:
         """Add an event; call this in the event loop's thread."""
         if isinstance(event, _SUPERSEDED):
             self._newest[type(event)] = event
-        elif not isinstance(event, _MESSAGES):
-            self._keep_order(event)
-        elif self._messages < MESSAGE_LIMIT:
-            self._messages += 1
-            self._keep_order(event)
         else:
-            self.dropped += 1
+            if isinstance(event, _MESSAGES):
+                if self._messages >= MESSAGE_LIMIT:
+                    self.dropped += 1
+                    return
+                self._messages += 1
+            # After the pose that arrived before it: it may confirm the arrival that this event reports.
+            self._events.extend(self._newest.values())
+            self._newest.clear()
+            self._events.append(event)
         self._filled.set()
 
-    def take(self) -> list[events.Event]:
+    def take_all(self) -> list[events.Event]:
         """Remove and return all waiting events, in their order."""
-        # A pose must not be overtaken by an answer that it explains.
-        self._flush_newest()
-        taken = list(self._events)
+        waiting = [*self._events, *self._newest.values()]
         self._events.clear()
+        self._newest.clear()
         self._messages = 0
         self._filled.clear()
-        return taken
+        return waiting
 
     @property
-    def empty(self) -> bool:
+    def is_empty(self) -> bool:
         """Return whether no event waits."""
         return not self._filled.is_set()
 
@@ -82,15 +83,6 @@ class Mailbox:
             return
         await set_within(self._filled, seconds)
 
-    def _keep_order(self, event: events.Event) -> None:
-        """Queue ``event`` after the pose that arrived before it, which may confirm an arrival."""
-        self._flush_newest()
-        self._events.append(event)
-
-    def _flush_newest(self) -> None:
-        self._events.extend(self._newest.values())
-        self._newest.clear()
-
 
 STARTS = (events.Drive, events.SetPosition, events.StartAction)
 """Effects that wait for the disk; all others stop or report something."""
@@ -102,7 +94,7 @@ class Postponed:
     def __init__(self) -> None:
         self._waiting: list[events.Effect] = []
 
-    def sift(self, effects: Iterable[events.Effect], *, recorded: bool) -> list[events.Effect]:
+    def select_ready(self, effects: Iterable[events.Effect], *, recorded: bool) -> list[events.Effect]:
         """Return the effects that may be performed now, in order; ``recorded``: the last record is on disk.
 
         A waiting start is dropped if a later effect stops it.
@@ -110,14 +102,14 @@ class Postponed:
         if recorded:
             waiting, self._waiting = self._waiting, []
             return [*waiting, *effects]
-        now: list[events.Effect] = []
+        ready: list[events.Effect] = []
         for effect in effects:
             if isinstance(effect, STARTS):
                 self._waiting.append(effect)
             else:
                 self._waiting = [start for start in self._waiting if not _ends_start(effect, start)]
-                now.append(effect)
-        return now
+                ready.append(effect)
+        return ready
 
 
 def _ends_start(effect: events.Effect, waiting: events.Effect) -> bool:
@@ -149,7 +141,7 @@ class StateSchedule:
         """Return when the next state is due."""
         return min(max(self._requested, self._last + self._minimum), self._last + self._maximum)
 
-    def sent(self, now: float) -> None:
+    def record_sent(self, now: float) -> None:
         """Record that a state was sent."""
         self._last, self._requested = now, inf
 
@@ -159,13 +151,9 @@ class VisualizationSchedule:
 
     def __init__(self, *, interval: float, now: float) -> None:
         self._interval = interval
-        self._next = now if interval else inf
+        self.due = now if interval else inf
+        """When the next message is due."""
 
-    @property
-    def due(self) -> float:
-        """Return when the next visualization message is due."""
-        return self._next
-
-    def sent(self, now: float) -> None:
+    def record_sent(self, now: float) -> None:
         """Record that a message was sent; missed messages are skipped."""
-        self._next = max(self._next + self._interval, now)
+        self.due = max(self.due + self._interval, now)

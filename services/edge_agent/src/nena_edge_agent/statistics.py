@@ -32,7 +32,7 @@ class AgentStatistics:
         """Clock skew of the order service, by the timestamps of its orders."""
         self._recoveries_of_drive = 0
 
-    def note(self, event: events.Event, now: float) -> None:
+    def count_event(self, event: events.Event, now: float) -> None:
         """Count an event."""
         match event:
             case PoseReport(localized=localized):
