@@ -204,15 +204,15 @@ async def test_after_a_long_decision_the_next_one_waits_and_assigns_the_urgent_o
 ) -> None:
     engine, fleet = await make(energy={"respected": False})
     fleet.out_of_order.update(("V1", "V2"))
-    decide = engine._life_cycle.dispatch
+    decide = engine._life_cycle.dispatch_orders
 
     def long_decision() -> None:
         decide()
         engine.clock.advance(0.01)  # type: ignore[attr-defined]
 
-    monkeypatch.setattr(engine._life_cycle, "dispatch", long_decision)
+    monkeypatch.setattr(engine._life_cycle, "dispatch_orders", long_decision)
     engine.create(request("B"), "first")
-    monkeypatch.setattr(engine._life_cycle, "dispatch", decide)
+    monkeypatch.setattr(engine._life_cycle, "dispatch_orders", decide)
     fleet.out_of_order.discard("V2")
     fleet.appear("V2", "C")
     engine.create(request("C", priority=5), "urgent")

@@ -22,13 +22,13 @@ class Bench:
     def add(self, number: int, *, dispensable: bool = False) -> TransportOrder:
         order = raw_order(number=number, wrappingSequence="S", dispensable=dispensable).activated()
         self.orders.put(order)
-        self.sequences.append(order)
+        self.sequences.append_order(order)
         return order
 
     def fail(self, order: TransportOrder) -> tuple[list[str], str | None]:
         ended = order.failed(Reason.of("broken"), NOW)
         self.orders.put(ended)
-        failed, following = self.sequences.ended(ended)
+        failed, following = self.sequences.advance_after(ended)
         return [each.name for each in failed], following
 
 
@@ -54,7 +54,7 @@ def test_a_fatal_failure_fails_all_later_orders_of_the_sequence() -> None:
 def test_an_order_without_a_sequence_is_ignored() -> None:
     bench = Bench(intendedVehicle="V-2")
     alone = raw_order()
-    assert bench.sequences.ended(alone) == ((), None)
+    assert bench.sequences.advance_after(alone) == ((), None)
     assert bench.sequences.why_waiting(alone) is None
     assert bench.sequences.why_unsuitable(alone, "V-1") is None
 
@@ -64,7 +64,7 @@ def test_vehicles_are_bound_to_one_sequence_and_the_sequence_to_one_vehicle() ->
     member, alone = bench.add(1), raw_order(number=9)
     assert "which is 'V-2'" in str(bench.sequences.why_unsuitable(member, "V-1"))
     assert bench.sequences.why_unsuitable(member, "V-2") is None
-    bench.sequences.bind(member, "V-2")
+    bench.sequences.bind_vehicle(member, "V-2")
     assert bench.sequences.bound_to("V-2") == "S"
     assert str(bench.sequences.why_unsuitable(alone, "V-2")) == "is bound to order sequence 'S'"
     assert bench.sequences.why_unsuitable(alone, "V-1") is None

@@ -45,12 +45,12 @@ class Sequences:
         self._put(changed)
         return changed
 
-    def append(self, order: TransportOrder) -> None:
+    def append_order(self, order: TransportOrder) -> None:
         """Add an order to its sequence, if it has one; the caller has checked that it may be added."""
         if sequence := self._of(order):
             self._put(sequence.appended(order.name, self._clock.now()))
 
-    def bind(self, order: TransportOrder, vehicle: str) -> None:
+    def bind_vehicle(self, order: TransportOrder, vehicle: str) -> None:
         """Bind the order's sequence, if it has one, to the vehicle that gets the order."""
         if sequence := self._of(order):
             self._put(sequence.bound(vehicle, self._clock.now()))
@@ -62,7 +62,7 @@ class Sequences:
             return None
         return Reason(R.WAITS_IN_SEQUENCE, sequence=sequence.name, order=sequence.next_order)
 
-    def ended(self, order: TransportOrder) -> tuple[tuple[TransportOrder, ...], str | None]:
+    def advance_after(self, order: TransportOrder) -> tuple[tuple[TransportOrder, ...], str | None]:
         """Advance the sequence of an order that has ended.
 
         Return the orders that fail with it, and the name of the next order in the sequence, if any.
@@ -71,11 +71,13 @@ class Sequences:
         if sequence is None:
             return (), None
         failed: tuple[TransportOrder, ...] = ()
-        if _is_fatal(order, sequence):
+        # openTCS: failureFatal. A dispensable order may fail at any time, so its failure is none.
+        is_failure = order.state is not S.FINISHED and not order.status.dispensable
+        if sequence.status.failure_fatal and is_failure:
             behind = map(self._orders.named, sequence.behind(order.name))
-            failed = tuple(each for each in behind if each and not each.state.final)
+            failed = tuple(member for member in behind if member and not member.state.final)
             sequence = sequence.completed(f"order {order.name!r} is {order.state}", self._clock.now())
-        sequence = sequence.advanced(self._is_ended, self._clock.now())
+        sequence = sequence.advanced(lambda name: not self._orders.is_unfinished(name), self._clock.now())
         self._put(sequence)
         return failed, sequence.next_order
 
@@ -86,12 +88,12 @@ class Sequences:
             return Reason(R.BOUND_TO_SEQUENCE, sequence=bound.name)
         if sequence is None:
             return None
-        meant = sequence.bound_vehicle or sequence.status.intended_vehicle
-        if meant not in (None, vehicle):
-            return Reason(R.NOT_OF_SEQUENCE, sequence=sequence.name, vehicle=meant)
+        only = sequence.bound_vehicle or sequence.status.intended_vehicle
+        if only not in (None, vehicle):
+            return Reason(R.NOT_OF_SEQUENCE, sequence=sequence.name, vehicle=only)
         return None
 
-    def meant(self, order: TransportOrder) -> str | None:
+    def only_vehicle(self, order: TransportOrder) -> str | None:
         """Return the vehicle of an order's sequence; None if any vehicle may execute the order."""
         sequence = self._of(order)
         return sequence.bound_vehicle or sequence.status.intended_vehicle if sequence else None
@@ -109,16 +111,6 @@ class Sequences:
         self._state.vehicle_changed(sequence.status.processing_vehicle)
         self._state.dispatch_due |= sequence.status.finished  # its vehicle is free for other orders
 
-    def _is_ended(self, name: str) -> bool:
-        """Return whether an order has ended; one that is not in memory ended long ago."""
-        order = self._orders.named(name)
-        return order is None or order.state.final
-
-
-def _is_fatal(order: TransportOrder, sequence: OrderSequence) -> bool:
-    well = order.state is S.FINISHED
-    return sequence.status.failure_fatal and not well and not order.status.dispensable
-
 
 class Dependencies:
     """Tracks which other orders each waiting order depends on."""
@@ -127,7 +119,7 @@ class Dependencies:
         self._waits_for: dict[int, set[str]] = {}
         self._dependents: dict[str, set[int]] = {}
 
-    def wait(self, order: TransportOrder, pending: Iterable[str]) -> None:
+    def add_waiting(self, order: TransportOrder, pending: Iterable[str]) -> None:
         """Make an order wait for the orders with these names."""
         names = set(pending)
         if names:
@@ -135,7 +127,7 @@ class Dependencies:
         for name in names:
             self._dependents.setdefault(name, set()).add(order.number)
 
-    def settle(self, name: str) -> tuple[int, ...]:
+    def release_dependents(self, name: str) -> tuple[int, ...]:
         """Release the orders that wait for an order; return their numbers, oldest first."""
         numbers = tuple(sorted(self._dependents.pop(name, ())))
         for number in numbers:
@@ -145,7 +137,7 @@ class Dependencies:
                 del self._waits_for[number]
         return numbers
 
-    def forget(self, order: TransportOrder) -> None:
+    def remove_waiting(self, order: TransportOrder) -> None:
         """Remove all dependencies of an order."""
         for name in self._waits_for.pop(order.number, ()):
             self._dependents[name].discard(order.number)
@@ -171,42 +163,45 @@ class Conditions:
     """
 
     def __init__(self, context: Context, sequences: Sequences) -> None:
+        self._state = context.state
         self._orders = context.state.orders
         self._sequences = sequences
         self._clock = context.clock
         self._dependencies = Dependencies()
 
-    def begin(self, order: TransportOrder, ended: Mapping[str, TransportOrderState]) -> TransportOrder:
+    def check_new_order(
+        self, order: TransportOrder, ended: Mapping[str, TransportOrderState]
+    ) -> TransportOrder:
         """Check a new order's dependencies; return the order with its resulting state.
 
         ``ended`` has the final states of dependencies that are no longer in memory.
         """
         for name in order.status.dependencies:
-            known = self._orders.named(name)
-            state = known.state if known else ended[name]
+            dependency = self._orders.named(name)
+            state = dependency.state if dependency else ended[name]
             if state.final and state is not S.FINISHED:
                 order = self._failed_dependency(order, name, state)
                 if order.state.final:
                     return order
-        return self.restore(order)
+        return self.register_order(order)
 
-    def restore(self, order: TransportOrder) -> TransportOrder:
+    def register_order(self, order: TransportOrder) -> TransportOrder:
         """Register what an order waits for, also after a restart; return it with its resulting state."""
-        self._dependencies.wait(order, filter(self._is_awaited, order.status.dependencies))
-        return self.look(order)
+        # One that is not in memory has ended long ago.
+        awaited = filter(self._orders.is_unfinished, order.status.dependencies)
+        self._dependencies.add_waiting(order, awaited)
+        return self.update_state(order)
 
-    def settle(self) -> bool:
-        """Apply the effects of ended orders on others; return whether any of these can be dispatched now."""
-        dispatchable = False
-        while ended := self._orders.take_ended():
+    def apply_ended_orders(self) -> None:
+        """Apply the effects of ended orders on those that depend on them and on their sequences."""
+        while ended := self._orders.take_ended():  # an order that fails here may take others with it
             for order in ended:
-                dispatchable |= self._ended(order)
-        return dispatchable
+                self._apply_end(order)
 
-    def _ended(self, order: TransportOrder) -> bool:
-        self._dependencies.forget(order)
-        failed, following = self._sequences.ended(order)
-        for each in failed:
+    def _apply_end(self, order: TransportOrder) -> None:
+        self._dependencies.remove_waiting(order)
+        failed, following = self._sequences.advance_after(order)
+        for member in failed:
             reason = Reason(
                 R.SEQUENCE_FAILED,
                 order.reason,
@@ -214,24 +209,21 @@ class Conditions:
                 sequence=order.status.wrapping_sequence or "",
                 state=order.state,
             )
-            self._orders.put(each.failed(reason, self._clock.now()))
-        dispatchable = False
-        for number in self._dependencies.settle(order.name):
+            self._orders.put(member.failed(reason, self._clock.now()))
+        for number in self._dependencies.release_dependents(order.name):
             dependent = self._orders.get(number)
             if order.state is not S.FINISHED:
                 dependent = self._failed_dependency(dependent, order.name, order.state)
-            dispatchable |= self._look_again(dependent)
-        if following and (one := self._orders.named(following)):
-            dispatchable |= self._look_again(one)
-        return dispatchable
+            self._put_updated(dependent)
+        if following and (successor := self._orders.named(following)):
+            self._put_updated(successor)
 
-    def _look_again(self, order: TransportOrder) -> bool:
-        """Update an order's state by its current conditions; return whether it can be dispatched."""
-        order = self.look(order)
+    def _put_updated(self, order: TransportOrder) -> None:
+        order = self.update_state(order)
         self._orders.put(order)
-        return order.state is S.DISPATCHABLE
+        self._state.dispatch_due |= order.state is S.DISPATCHABLE
 
-    def look(self, order: TransportOrder) -> TransportOrder:
+    def update_state(self, order: TransportOrder) -> TransportOrder:
         """Return an ACTIVE order in the state that its conditions imply; return others unchanged."""
         if order.state is not S.ACTIVE:
             return order
@@ -253,7 +245,3 @@ class Conditions:
                 return order.on_hold(Hold(by=HOLDER, since=now, **explained(reason)), now)
             case _:
                 return order
-
-    def _is_awaited(self, name: str) -> bool:
-        order = self._orders.named(name)
-        return order is not None and not order.state.final

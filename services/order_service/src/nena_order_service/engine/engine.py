@@ -155,7 +155,7 @@ class Engine:
             self.peripherals.restore(jobs)
             recovery.restore_vehicles(absent, found.relocations)
             self.state.sequences.rebind(recovery.present_name)
-            self._life_cycle.restore(found.orders, found.drives, recovery)
+            self._life_cycle.restore_orders(found.orders, found.drives, recovery)
             self._rerouting.reroute_off_locked_paths()
         await self.unit_of_work.committed()
         log.info("orders loaded", unfinished=len(found.orders), last_number=found.last_number)
@@ -196,16 +196,16 @@ class Engine:
 
     def _settle(self) -> None:
         """Dispatch and drive until no more steps follow from the changes."""
-        while self._life_cycle.settle_due or self._decision_due or self.state.drive_due:
+        while self.state.orders.any_ended or self._decision_due or self.state.drive_due:
             for job in self.peripherals.take_failed():
                 self._life_cycle.on_failed_peripheral(job)
-            self._life_cycle.settle()
+            self._life_cycle.conditions.apply_ended_orders()
             if self._decision_due:
                 self._dispatch()
             with self.timings.traffic.timed():
                 for outcome in self._driving.let_drive():
                     if isinstance(outcome, Stuck):
-                        self._life_cycle.stuck(outcome)
+                        self._life_cycle.on_stuck_vehicle(outcome)
                     else:
                         self._life_cycle.update_reason(outcome)
 
@@ -221,7 +221,7 @@ class Engine:
         """
         begin = self.clock.monotonic()
         with self.timings.dispatch.timed():
-            self._life_cycle.dispatch()
+            self._life_cycle.dispatch_orders()
         seconds = self.clock.monotonic() - begin
         if seconds > LONG_DECISION:
             pause = seconds * (1 / DISPATCH_SHARE - 1)
@@ -263,31 +263,31 @@ class Engine:
         name: str,
         ended: Mapping[str, TransportOrderState] | None = None,
     ) -> TransportOrder:
-        """Create an order from a validated request; see :meth:`LifeCycle.create`."""
+        """Create an order from a validated request; see :meth:`LifeCycle.create_order`."""
         with self.change():
-            order = self._life_cycle.create(request, name, ended)
+            order = self._life_cycle.create_order(request, name, ended)
         return self.state.orders.get(order.number)
 
     def create_with(self, progress: Callable[[], None], request: TransportOrderRequest, name: str) -> None:
         """Create an order of a validated request, then make another change, both in one unit of work."""
         with self.change():
-            self._life_cycle.create(request, name)
+            self._life_cycle.create_order(request, name)
             progress()
 
     def withdraw(self, number: int, reason: str, *, immediate: bool = True) -> None:
-        """Withdraw an order that has not ended; see :meth:`LifeCycle.withdraw`."""
+        """Withdraw an order that has not ended; see :meth:`LifeCycle.withdraw_order`."""
         with self.change():
-            self._life_cycle.withdraw(self.state.orders.get(number), reason, immediate=immediate)
+            self._life_cycle.withdraw_order(self.state.orders.get(number), reason, immediate=immediate)
 
     def hold(self, number: int, by: str, reason: str, *, immediate: bool = True) -> None:
-        """Hold an order that has neither ended nor been withdrawn; see :meth:`LifeCycle.hold`."""
+        """Hold an order that has neither ended nor been withdrawn; see :meth:`LifeCycle.hold_order`."""
         with self.change():
-            self._life_cycle.hold(self.state.orders.get(number), by, reason, immediate=immediate)
+            self._life_cycle.hold_order(self.state.orders.get(number), by, reason, immediate=immediate)
 
     def resume(self, number: int, by: str, reason: str) -> None:
-        """Resume a held order; see :meth:`LifeCycle.resume`."""
+        """Resume a held order; see :meth:`LifeCycle.resume_order`."""
         with self.change():
-            self._life_cycle.resume(self.state.orders.get(number), by, reason)
+            self._life_cycle.resume_order(self.state.orders.get(number), by, reason)
 
     def intend(self, number: int, vehicle: str | None) -> None:
         """Set the intended vehicle of an unassigned order; None: any vehicle."""
@@ -311,7 +311,7 @@ class Engine:
             if not level.holds_resources:
                 sent = self.state.drives.sent.get(vehicle.key)
                 reason = Reason(R.LEVEL_SET, vehicle=vehicle.name, level=level.value)
-                self._life_cycle.give_up(vehicle.key, reason)
+                self._life_cycle.fail_order_of(vehicle.key, reason)
                 self._driving.drop_drive(vehicle)
                 if sent:
                     self.state.after_commit(lambda: self.context.fleet.cancel_vda_order(vehicle.key))

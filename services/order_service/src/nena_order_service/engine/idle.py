@@ -120,7 +120,7 @@ class IdleVehicles:
         if request and round_.now >= record.not_before.get(request.type, 0.0):
             record.not_before[request.type] = round_.now + PAUSE
             displaces = request.type == PARK_TYPE and self._displaces(vehicle, goal_of(request))
-            if self._life_cycle.create_automatic(request):
+            if self._life_cycle.create_automatic_order(request):
                 record.since = None
                 record.displaced += displaces
                 round_.goals.update(self._goals())

@@ -7,14 +7,14 @@ failures, the end of an order, and recovery. Everything here runs in the engine'
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from datetime import datetime, timedelta
+from datetime import timedelta
 
 from nena_order_service.engine.conditions import Conditions, Sequences
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.dispatching import GIVES_UP, Dispatched, Dispatching
 from nena_order_service.engine.driving import Driving, Pauses, Stuck
 from nena_order_service.engine.failing_vehicles import FailingVehicles
-from nena_order_service.engine.failure_policy import Decision, FailureAssessment, with_others
+from nena_order_service.engine.failure_policy import FailureAssessment, with_others
 from nena_order_service.engine.peripherals import Peripherals
 from nena_order_service.engine.recovery import Recovery
 from nena_order_service.fleet import outputs
@@ -37,7 +37,6 @@ from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained, reason_
 from nena_shared.fleet_api.transport_order import (
     DriveOrderState,
     FailureMeasure,
-    FailureStep,
     Hold,
     TransportOrderRequest,
     TransportOrderState,
@@ -94,7 +93,7 @@ class LifeCycle:
         self._sequences = sequences
         self._pauses = pauses
         self._peripherals = peripherals
-        self._conditions = Conditions(context, sequences)
+        self.conditions = Conditions(context, sequences)
         self._failures = FailureAssessment(context, dispatching.fit)
         self._failing_vehicles = FailingVehicles(context)
         self._deadlines = DueTimes(self._orders.is_over)
@@ -105,7 +104,7 @@ class LifeCycle:
 
     # Requests of hosts
 
-    def create(
+    def create_order(
         self,
         request: TransportOrderRequest,
         name: str,
@@ -121,29 +120,29 @@ class LifeCycle:
         order = TransportOrder.created(request, number=number, name=name, now=now, automatic=automatic)
         why = self._context.finder.why_unroutable(request.destinations, order.resources_to_avoid)
         order = order.unroutable(why, now) if why else order.activated()
-        self._sequences.append(order)
-        order = order if why else self._conditions.begin(order, ended or {})
+        self._sequences.append_order(order)
+        order = order if why else self.conditions.check_new_order(order, ended or {})
         self._orders.put(order)
         if not order.state.final:
             self._watch_times(order)
         self._state.dispatch_due |= order.state is S.DISPATCHABLE
         return order
 
-    def create_automatic(self, request: TransportOrderRequest) -> bool:
+    def create_automatic_order(self, request: TransportOrderRequest) -> bool:
         """Create an order for an idle vehicle; return whether the vehicle has started it.
 
         An order that does not start at once is withdrawn, because the vehicle may need another one later.
         """
-        order = self.create(request, automatic_name(request), automatic=True)
+        order = self.create_order(request, automatic_name(request), automatic=True)
         if order.state is S.DISPATCHABLE:
             self._assign_waiting((order,))
         order = self._orders.get(order.number)
         begun = order.state is S.BEING_PROCESSED
         if not begun and not order.state.final:
-            self.withdraw(order, Reason(R.NOT_STARTED), immediate=True)
+            self.withdraw_order(order, Reason(R.NOT_STARTED), immediate=True)
         return begun
 
-    def withdraw(self, order: TransportOrder, reason: Reason | str, *, immediate: bool) -> None:
+    def withdraw_order(self, order: TransportOrder, reason: Reason | str, *, immediate: bool) -> None:
         """Withdraw an order that has not ended (openTCS: withdrawal).
 
         With ``immediate`` its robot is sent cancelOrder (VDA 5050 3.0, section 6.1.3); otherwise it drives to
@@ -164,7 +163,7 @@ class LifeCycle:
         elif not immediate and not again:
             self._driving.end_early(drive, partial=False)
 
-    def hold(self, order: TransportOrder, by: str, reason: str, *, immediate: bool) -> None:
+    def hold_order(self, order: TransportOrder, by: str, reason: str, *, immediate: bool) -> None:
         """Hold an order until it is resumed; it keeps its vehicle.
 
         With ``immediate`` the robot is sent cancelOrder, otherwise it drives to the end of its base. It
@@ -176,27 +175,25 @@ class LifeCycle:
             order = order.on_hold(Hold(by=by, since=now, **explained(reason)), now)
             self._orders.put(order)
             log.info("order held", order=order.name, by=by, reason=reason)
-        if order.state is S.BEING_PROCESSED:
-            self._stop_for_hold(order, immediate=immediate)
         self._state.dispatch_due = True
-
-    def _stop_for_hold(self, order: TransportOrder, *, immediate: bool) -> None:
+        if order.state is not S.BEING_PROCESSED:
+            return
         vehicle, drive = self._registry.named(order.vehicle), self._drives.of_order(order)
         assert vehicle, "the vehicle of an order is in the registry"  # noqa: S101 - for the type
         if drive is None:
             self._driving.drop_drive(vehicle)
             self._pauses.begin(vehicle, order)
         elif order.is_operating:
-            return
+            pass  # a load that is half handed over is worse than a late stop
         elif immediate and not drive.cancelled:
             self._driving.cancel_drive(drive)
         elif not immediate:
             self._driving.end_early(drive, partial=True)
 
-    def resume(self, order: TransportOrder, by: str, reason: str) -> None:
+    def resume_order(self, order: TransportOrder, by: str, reason: str) -> None:
         """Resume a held order from the position of its vehicle; do nothing if it is not held."""
         if order.held:
-            self._orders.put(self._conditions.look(order.resumed(by, reason, self._clock.now())))
+            self._orders.put(self.conditions.update_state(order.resumed(by, reason, self._clock.now())))
             log.info("order resumed", order=order.name, by=by, reason=reason)
             self._state.dispatch_due = True
 
@@ -216,7 +213,7 @@ class LifeCycle:
             order = self._orders.find(number)
             if order and not order.state.final:
                 log.info("order timed out", order=order.name)
-                self.withdraw(order, deadlines.reason(order, now), immediate=True)
+                self.withdraw_order(order, deadlines.reason(order, now), immediate=True)
 
     def _watch_times(self, order: TransportOrder) -> None:
         if deadline := deadlines.deadline_of(order):
@@ -226,16 +223,7 @@ class LifeCycle:
 
     # Dispatching
 
-    @property
-    def settle_due(self) -> bool:
-        """Whether orders have ended whose effects on others are pending."""
-        return self._orders.any_ended
-
-    def settle(self) -> None:
-        """Apply the effects of ended orders on their dependents and sequences."""
-        self._state.dispatch_due |= self._conditions.settle()
-
-    def dispatch(self) -> None:
+    def dispatch_orders(self) -> None:
         """Assign waiting orders, and continue orders whose pauses are over."""
         self._state.dispatch_due = False
         for name, order in self._pauses:
@@ -249,11 +237,19 @@ class LifeCycle:
     def _assign_waiting(self, orders: Sequence[TransportOrder]) -> None:
         """Assign as many of these orders as possible, and update the wait reasons of the others."""
         dispatched, reasons = self._dispatching.decide(orders)
-        for each in dispatched:
-            if each.assignment.gives_up:
-                reasons[each.assignment.order.name] = self._give_way(each)
-            else:
-                self._assign_order(each)
+        for decision in dispatched:
+            wanted, given_up = decision.assignment.order.name, decision.assignment.gives_up
+            if not given_up:
+                self._assign_order(decision)
+                continue
+            # A dispensable order gives way (openTCS). Its vehicle drives to the end of its base and is free
+            # there; one that is recharging would stay for long, so it is sent cancelOrder.
+            dispensable, vehicle = self._orders.named(given_up), decision.vehicle.name
+            assert dispensable, "vehicles work on known orders"  # noqa: S101 - for the type
+            log.info("order gives way", order=given_up, vehicle=vehicle, wanted=wanted)
+            why = Reason(R.GIVES_WAY, order=wanted)
+            self.withdraw_order(dispensable, why, immediate=dispensable.is_operating)
+            reasons[wanted] = Reason(R.WAITS_FOR_VEHICLE, GIVES_UP, vehicle=vehicle)
         now = self._clock.now()
         for order in orders:
             reason = reasons.get(order.name)
@@ -264,18 +260,6 @@ class LifeCycle:
             elif self._reasons_left:
                 self._reasons_left -= 1
                 self._orders.put(order.deferred(reason, now))
-
-    def _give_way(self, dispatched: Dispatched) -> Reason:
-        """Withdraw a vehicle's dispensable order for another one; return what that one waits for.
-
-        The vehicle drives to the end of its base; one that is recharging is sent cancelOrder.
-        """
-        wanted, given_up = dispatched.assignment.order.name, dispatched.assignment.gives_up
-        order = self._orders.named(given_up)
-        assert order, "vehicles work on known orders"  # noqa: S101 - for the type
-        log.info("order gives way", order=given_up, vehicle=dispatched.vehicle.name, wanted=wanted)
-        self.withdraw(order, Reason(R.GIVES_WAY, order=wanted), immediate=order.is_operating)
-        return Reason(R.WAITS_FOR_VEHICLE, GIVES_UP, vehicle=dispatched.vehicle.name)
 
     def _assign_order(self, dispatched: Dispatched) -> None:
         vehicle, way, why = dispatched.vehicle, dispatched.way, dispatched.assignment.why
@@ -288,7 +272,7 @@ class LifeCycle:
         log.info("order assigned", order=order.name, vehicle=vehicle.name, why=str(why))
         self._watch_times(order)
         self._drives.assign(order, vehicle.key)
-        self._sequences.bind(order, vehicle.name)
+        self._sequences.bind_vehicle(order, vehicle.name)
         self._request_drive(order, vehicle, way)
 
     # The drive to each destination
@@ -335,7 +319,7 @@ class LifeCycle:
         retriable = self._failures.retries_actions(order)
         self._driving.request_route(order, vehicle, way, first=first, retriable=retriable)
 
-    def stuck(self, stuck: Stuck) -> None:
+    def on_stuck_vehicle(self, stuck: Stuck) -> None:
         """Fail the order of a vehicle without a route, or pause it until paths are unlocked."""
         vehicle, order = stuck.vehicle, self._state.order_of(stuck.vehicle.key)
         if order is None:
@@ -381,12 +365,9 @@ class LifeCycle:
             self._driving.break_off(drive, event)
         vehicle = self._registry.discover(drive.robot)
         self._state.vehicle_changed(vehicle.name)
-        if drive.relocation:
-            self._on_relocation(vehicle, event)
-        else:
+        if not drive.relocation:
             self._on_drive_order(drive, event, ahead)
-
-    def _on_relocation(self, vehicle: FleetVehicle, event: OrderEvent) -> None:
+            return
         if isinstance(event, outputs.VdaOrderFinished):
             self._failing_vehicles.drove(vehicle)
         if isinstance(event, outputs.VdaOrderFailed):
@@ -467,15 +448,18 @@ class LifeCycle:
             return
         decision = self._failures.decide(order, failure)
         step, words, now = decision.step, failure.words, self._clock.now()
+        next_try = now + timedelta(seconds=step.after) if step.after else None
         log.info("measure taken", order=order.name, measure=step.do, kind=failure.kind, reason=str(words))
         if step.do in (FailureMeasure.OTHER_VEHICLE, FailureMeasure.FAIL):
             self._failing_vehicles.failed(vehicle, order.current.destination, failure)
         match step.do:
             case FailureMeasure.RETRY:
-                order = order.retried(decision.taken, words, now=now, next_try=self._next_try(step))
+                order = order.retried(decision.taken, words, now=now, next_try=next_try)
                 self._continue_order(order, again=True)
             case FailureMeasure.REPLAN:
-                self._replan_order(order, decision, failure)
+                avoided = self._failures.detour(order, failure.ahead)
+                order = order.replanned(decision.taken, words, now=now, avoided=avoided, next_try=next_try)
+                self._continue_order(order, again=True)
             case FailureMeasure.OTHER_VEHICLE:
                 self._release_vehicle(order.reassigned(decision.taken, words, now))
                 log.info("order waits for another vehicle", order=order.name)
@@ -487,24 +471,11 @@ class LifeCycle:
             case FailureMeasure.FAIL:
                 self._end_order(order.failed(with_others(words, decision), now))
 
-    def _replan_order(self, order: TransportOrder, decision: Decision, failure: OrderFailure) -> None:
-        order = order.replanned(
-            decision.taken,
-            failure.words,
-            now=self._clock.now(),
-            avoided=self._failures.detour(order, failure.ahead),
-            next_try=self._next_try(decision.step),
-        )
-        self._continue_order(order, again=True)
-
     def _skip_destination(self, order: TransportOrder) -> None:
         if order.current.state is DriveOrderState.TRAVELLING:
             self._continue_order(order)
         else:
             self._end_order(order.finished(self._clock.now()))
-
-    def _next_try(self, step: FailureStep) -> datetime | None:
-        return self._clock.now() + timedelta(seconds=step.after) if step.after else None
 
     def on_failed_peripheral(self, job: PeripheralJob) -> None:
         """Fail the drive of a vehicle that needs a failed job; its robot stops at the end of its base."""
@@ -523,9 +494,9 @@ class LifeCycle:
             self._driving.drop_drive(vehicle)
             self._fail_order(order, failure)
         elif not drive.cancelled and not drive.all_released:
-            self._driving.end_early(self._give_up(drive, failure), partial=True)
+            self._driving.end_early(self._mark_given_up(drive, failure), partial=True)
 
-    def _give_up(self, drive: Drive, failure: OrderFailure) -> Drive:
+    def _mark_given_up(self, drive: Drive, failure: OrderFailure) -> Drive:
         """Note for which failure a VDA 5050 order ends early."""
         drive = drive.changed(given_up=failure)
         self._drives.put(drive)
@@ -569,13 +540,13 @@ class LifeCycle:
                 vda_order=order_id,
                 reason=str(event.reason),
             )
-            known = event.status is ActionStatus.FAILED  # otherwise it may be retrying right now
-            kind = FailureKind.ACTION if known else FailureKind.UNCLEAR
-            self._driving.cancel_drive(self._give_up(drive, OrderFailure(kind, words)))
+            rejected = event.status is ActionStatus.FAILED  # otherwise it may be retrying right now
+            kind = FailureKind.ACTION if rejected else FailureKind.UNCLEAR
+            self._driving.cancel_drive(self._mark_given_up(drive, OrderFailure(kind, words)))
 
     # The end
 
-    def give_up(self, robot: RobotKey, reason: Reason) -> None:
+    def fail_order_of(self, robot: RobotKey, reason: Reason) -> None:
         """Fail the order of a robot, if it has one, whatever its robot reports and its policy says."""
         if order := self._state.order_of(robot):
             self._end_order(order.failed(reason, self._clock.now()))
@@ -604,7 +575,7 @@ class LifeCycle:
 
     # After a restart
 
-    def restore(
+    def restore_orders(
         self, orders: Iterable[TransportOrder], documents: Mapping[int, str], recovery: Recovery
     ) -> None:
         """Restore orders after a restart; their robots' states decide how they continue.
@@ -613,27 +584,26 @@ class LifeCycle:
         VDA 5050 order are handled last, because vehicles may have been renamed since.
         """
         self._failing_vehicles.restore()
-        unsent: list[TransportOrder] = []
+        now, unsent = self._clock.now(), list[TransportOrder]()
         for order in sorted(orders, key=lambda order: -order.number):
             self._watch_times(order)
             if order.state in (S.ACTIVE, S.DISPATCHABLE):
-                self._restore_waiting(order)
-            elif (document := documents.get(order.number)) is not None:
-                self._restore_sent(order, document, recovery)
-            else:
+                try:
+                    check_order(order.status, self._context.plant)
+                except InvalidRequestError as error:  # the plant model has changed meanwhile
+                    self._orders.put(order.failed(Reason(R.NOT_POSSIBLE, reason_of(error)), now))
+                else:
+                    self._orders.put(self.conditions.register_order(order))
+            elif (document := documents.get(order.number)) is None:
                 unsent.append(order)
+            elif vehicle := recovery.restore_order(order, document):
+                self._orders.put(order.adopted(now, vehicle.name))
+            else:
+                self._end_order(order.adopted(now).failed(Reason(R.VDA_ORDER_UNREADABLE), now))
         for order in unsent:
-            self._restore_unsent(order, recovery)
+            self._continue_unsent(order, recovery)
 
-    def _restore_sent(self, order: TransportOrder, document: str, recovery: Recovery) -> None:
-        now = self._clock.now()
-        vehicle = recovery.restore_order(order, document)
-        if vehicle is None:
-            self._end_order(order.adopted(now).failed(Reason(R.VDA_ORDER_UNREADABLE), now))
-        else:
-            self._orders.put(order.adopted(now, vehicle.name))
-
-    def _restore_unsent(self, order: TransportOrder, recovery: Recovery) -> None:
+    def _continue_unsent(self, order: TransportOrder, recovery: Recovery) -> None:
         """Continue an order whose next VDA 5050 order was not sent yet."""
         vehicle = recovery.present_vehicle(order.vehicle or "")
         order = order.adopted(self._clock.now(), vehicle.name if vehicle else None)
@@ -648,15 +618,6 @@ class LifeCycle:
             self._orders.put(order)
             self._drives.assign(order, vehicle.key)
             self._pauses.begin(vehicle, order)
-
-    def _restore_waiting(self, order: TransportOrder) -> None:
-        """Restore a waiting order, or fail it if the changed plant model makes it impossible."""
-        try:
-            check_order(order.status, self._context.plant)
-        except InvalidRequestError as error:
-            self._orders.put(order.failed(Reason(R.NOT_POSSIBLE, reason_of(error)), self._clock.now()))
-        else:
-            self._orders.put(self._conditions.restore(order))
 
 
 def _failure_of(job: PeripheralJob) -> OrderFailure:

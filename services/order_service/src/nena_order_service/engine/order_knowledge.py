@@ -93,7 +93,7 @@ class OrderKnowledge:
 
     def named(self, order: TransportOrder) -> Collection[str]:
         """Return the vehicles that an order excludes, or for which its sequence is."""
-        excluded, meant = order.status.excluded_vehicles, self._fit.sequences.meant(order)
+        excluded, meant = order.status.excluded_vehicles, self._fit.sequences.only_vehicle(order)
         return (*excluded, meant) if meant and meant not in excluded else excluded
 
     def why_unsuitable(self, order: TransportOrder, vehicle: str) -> Reason | None:

@@ -142,6 +142,11 @@ class Orders:
         order = self._orders.get(number)
         return order is None or order.state.final
 
+    def is_unfinished(self, name: str) -> bool:
+        """Return whether the order of this name has not ended; one that is not in memory has."""
+        order = self.named(name)
+        return order is not None and not order.state.final
+
     def named(self, name: str) -> TransportOrder | None:
         """Return the current order of this name; None if it is not in memory."""
         number = self._by_name.get(name)
