@@ -31,8 +31,8 @@ class Told:
     def named(self, order: TransportOrder) -> Collection[str]:
         return order.status.excluded_vehicles
 
-    def why_unsuitable(self, order: TransportOrder, vehicle: str) -> Reason | None:
-        return self.unsuitable.get((order.status.type, vehicle))
+    def why_unsuitable(self, order: TransportOrder, vehicle: DispatchedVehicle) -> Reason | None:
+        return self.unsuitable.get((order.status.type, vehicle.name))
 
     def recharges(self, order: TransportOrder) -> bool:
         return order.current.destination.operation == "Charge"

@@ -60,14 +60,15 @@ def test_automatic_orders_require_no_type() -> None:
     vehicle = registry.named("V1")
     assert vehicle
     fit.accept(vehicle, (AcceptableOrderType(name="Transport"),))
+    seen = DispatchedVehicle("V1", order_types=fit.order_types(vehicle))
     assert "accepts no orders of type 'Park'" in str(
-        known.why_unsuitable(dispatchable_order(type="Park"), "V1")
+        known.why_unsuitable(dispatchable_order(type="Park"), seen)
     )
     asked = park_request("V1", "A")
     own = TransportOrder.created(asked, number=1, name="Park-1", now=NOW, automatic=True)
-    assert known.why_unsuitable(own, "V1") is None
+    assert known.why_unsuitable(own, seen) is None
     of_a_host = dispatchable_order(type="Park", name="Park-1", intended_vehicle="V1")
-    assert "accepts no orders of type 'Park'" in str(known.why_unsuitable(of_a_host, "V1"))
+    assert "accepts no orders of type 'Park'" in str(known.why_unsuitable(of_a_host, seen))
     assert known.recharges(dispatchable_order("A:Charge"))
     assert not known.recharges(dispatchable_order("A"))
 

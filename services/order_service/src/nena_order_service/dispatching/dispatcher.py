@@ -257,7 +257,7 @@ class Knowledge(Protocol):
         """Return the vehicles that an order or its sequence names: for others, only their group counts."""
         ...
 
-    def why_unsuitable(self, order: TransportOrder, vehicle: str) -> Reason | None:
+    def why_unsuitable(self, order: TransportOrder, vehicle: DispatchedVehicle) -> Reason | None:
         """Return why a vehicle must not execute an order, regardless of its current work; None if it may.
 
         The answer is the same for all orders of one :class:`OrderKind`.
@@ -386,14 +386,20 @@ class _Fleet:
         """Return the only vehicle that may get an order; None: any."""
         return self._kept.get(order.number, order.status.intended_vehicle)
 
+    def has_busy_vehicle(self, order: TransportOrder) -> bool:
+        """Return whether an order is for one vehicle, which is not free."""
+        intended = self.intended(order)
+        return intended is not None and intended not in self.free
+
     def why_not(self, order: TransportOrder, vehicle: DispatchedVehicle) -> Reason | None:
         """Return why a vehicle does not take an order; None if it does."""
         if self.intended(order) not in (None, vehicle.name):
             return NOT_INTENDED
         knowledge = self._knowledge
-        return knowledge.why_unsuitable(order, vehicle.name) or vehicle.why_not(
-            order, recharges=knowledge.recharges(order), pick=knowledge.pick(order)
-        )
+        # While most vehicles are busy, what an order recharges or picks up matters to none of them.
+        if why := knowledge.why_unsuitable(order, vehicle) or vehicle.obstacle:
+            return why
+        return vehicle.why_not(order, recharges=knowledge.recharges(order), pick=knowledge.pick(order))
 
     def takers(self, order: TransportOrder) -> list[DispatchedVehicle]:
         """Return the free vehicles that take an order."""
@@ -512,7 +518,9 @@ class _Decision:
         for order in orders:
             if not self.fleet.free:
                 return
-            if order.number not in self._assigned and (offer := self._offer(order, 1)):
+            if order.number in self._assigned or self.fleet.has_busy_vehicle(order):
+                continue
+            if offer := self._offer(order, 1):
                 best = offer.pairs[0]
                 self._assign(best, self._why_best(best, offer.takers))
 
@@ -532,6 +540,8 @@ class _Decision:
             for level in self._levels(group):
                 batch.append([])
                 for order in level:
+                    if self.fleet.has_busy_vehicle(order):
+                        continue
                     if sum(map(len, batch)) == self._batch_limit():
                         self._assign_batch(batch)
                         batch = [[]]
@@ -572,7 +582,7 @@ class _Decision:
     def _offer(self, order: TransportOrder, at_most: int) -> _Offer | None:
         """Return what the free vehicles offer an order; without an offer, note why it waits."""
         takers = self.fleet.takers(order)
-        if pairs := self._best_pairs(order, takers, at_most):
+        if takers and (pairs := self._best_pairs(order, takers, at_most)):
             return _Offer(order, pairs, len(takers))
         self._note_reason(order)
         return None
@@ -660,7 +670,7 @@ class _Decision:
         if order.number not in self._kept:
             key = self._knowledge.kind(order)
         why = self._reasons.get(key)
-        if why is None and (takers := self.fleet.takers(order)):
+        if why is None and self.fleet.free and (takers := self.fleet.takers(order)):
             vehicle = max(takers, key=lambda taker: taker.name)
             no_route = self._knowledge.why_no_route(order, vehicle)
             why = Reason(R.VEHICLE_HAS_NO_ROUTE, no_route, vehicle=vehicle.name)
@@ -722,7 +732,7 @@ def _fit(
         if wanted not in (None, vehicle.name):
             return VehicleFit(vehicle.name, fits=False, reason=why)
     recharges, pick = knowledge.recharges(order), knowledge.pick(order)
-    reason = knowledge.why_unsuitable(order, vehicle.name) or vehicle.why_not(
+    reason = knowledge.why_unsuitable(order, vehicle) or vehicle.why_not(
         order, recharges=recharges, pick=pick
     )
     if reason:

@@ -49,13 +49,6 @@ class OrderFit:
         """Set the order types that a vehicle accepts; its current order is not affected."""
         self.records.change(vehicle.key, acceptable_order_types=types)
 
-    def why_unsuitable(self, order: TransportOrder, vehicle: FleetVehicle) -> Reason | None:
-        """Return, as a predicate, why a vehicle must not execute an order; None if it may."""
-        if vehicle.name in order.status.excluded_vehicles:
-            return Reason(R.FAILED_BEFORE)
-        why = self.sequences.why_unsuitable(order, vehicle.name)
-        return why or why_not_accepted(self.order_types(vehicle), order.status.type)
-
 
 REASONS_KEPT = 1000
 """Maximum number of cached reasons for missing routes, which waiting orders need repeatedly."""
@@ -96,10 +89,14 @@ class OrderKnowledge:
         excluded, meant = order.status.excluded_vehicles, self._fit.sequences.only_vehicle(order)
         return (*excluded, meant) if meant and meant not in excluded else excluded
 
-    def why_unsuitable(self, order: TransportOrder, vehicle: str) -> Reason | None:
+    def why_unsuitable(self, order: TransportOrder, vehicle: DispatchedVehicle) -> Reason | None:
         """Return, as a predicate, why a vehicle must never execute an order; None if it may."""
-        known = self._registry.named(vehicle)
-        return None if known is None or order.status.automatic else self._fit.why_unsuitable(order, known)
+        if order.status.automatic:
+            return None
+        if vehicle.name in order.status.excluded_vehicles:
+            return Reason(R.FAILED_BEFORE)
+        why = self._fit.sequences.why_unsuitable(order, vehicle.name)
+        return why or why_not_accepted(vehicle.order_types, order.status.type)
 
     def recharges(self, order: TransportOrder) -> bool:
         """Return whether the next operation of an order is a recharge."""
