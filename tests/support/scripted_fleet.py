@@ -23,7 +23,7 @@ from nena_order_service.fleet.outputs import (
     VdaOrderFinished,
 )
 from nena_order_service.fleet.robot import Availability, LinkStatus, RobotView
-from nena_order_service.fleet.vda_order import OperationMap, VdaOrder, grown
+from nena_order_service.fleet.vda_order import OperationMap, VdaOrder, with_kept_base
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.routing.router import RouteFinder, Router
 from nena_order_service.store.database import Changes, Unfinished
@@ -161,7 +161,7 @@ class ScriptedFleet:
         self.sent.append((robot.serial_number, vda_order))
 
     def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
-        grown(self.missions[robot], vda_order)
+        with_kept_base(self.missions[robot], vda_order)
         self.missions[robot] = vda_order
         self.extended.append((robot.serial_number, vda_order))
 

@@ -8,7 +8,7 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given
 
-from nena_order_service.fleet.feasibility import fitted, fitted_action, order_problem
+from nena_order_service.fleet.feasibility import fitted_action, fitted_order, order_problem
 from nena_order_service.fleet.robot import Abilities
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
@@ -70,11 +70,11 @@ def headed(node_id: str) -> VdaOrder:
 
 
 def test_nothing_is_removed_for_a_robot_without_lists() -> None:
-    assert fitted(headed("B"), abilities()) == headed("B")
+    assert fitted_order(headed("B"), abilities()) == headed("B")
 
 
 def test_fields_that_the_robot_does_not_list_are_left_out() -> None:
-    made = fitted(headed("B"), abilities(takes=("edges.length",)))
+    made = fitted_order(headed("B"), abilities(takes=("edges.length",)))
 
     assert [each.allowed_deviation_xy for each in positions(made)] == [None, None]
     assert (positions(made)[1].theta, positions(made)[1].allowed_deviation_theta) == (None, None)
@@ -92,19 +92,19 @@ def test_fields_that_the_robot_lists_stay() -> None:
         )
     )
 
-    assert fitted(headed("B"), listed) == headed("B")
+    assert fitted_order(headed("B"), listed) == headed("B")
 
 
 @pytest.mark.parametrize(
     "listed", ["nodes.nodePosition.allowedDeviationXY.a", "nodes.nodePosition.allowedDeviationXY"]
 )
 def test_a_field_is_listed_directly_or_through_a_part(listed: str) -> None:
-    assert positions(fitted(MISSION, abilities(takes=(listed,))))[0].allowed_deviation_xy is not None
+    assert positions(fitted_order(MISSION, abilities(takes=(listed,))))[0].allowed_deviation_xy is not None
 
 
 def test_a_requested_heading_is_refused_rather_than_dropped() -> None:
     robot = abilities(takes=("edges.length",))
-    made = fitted(headed("goal:m1"), robot)
+    made = fitted_order(headed("goal:m1"), robot)
 
     assert positions(made)[1].theta == 1.0
     assert str(order_problem(made, robot)) == (
@@ -117,7 +117,7 @@ def test_required_headings_are_filled_without_constraining_the_robot() -> None:
         demands=("nodes.nodePosition.theta", "nodes.nodePosition.allowedDeviationTheta"),
         takes=("nodes.nodePosition.allowedDeviationXY",),
     )
-    made = fitted(headed("B"), robot)
+    made = fitted_order(headed("B"), robot)
 
     assert [(each.theta, each.allowed_deviation_theta) for each in positions(made)] == [(0.0, pi), (1.0, 0.1)]
     assert order_problem(made, robot) is None
@@ -126,7 +126,7 @@ def test_required_headings_are_filled_without_constraining_the_robot() -> None:
 def test_a_required_heading_without_a_deviation_cannot_be_filled() -> None:
     robot = abilities(demands=("nodes.nodePosition.theta",))
 
-    assert str(order_problem(fitted(MISSION, robot), robot)) == (
+    assert str(order_problem(fitted_order(MISSION, robot), robot)) == (
         "its factsheet requires the field 'nodes.nodePosition.theta', which cannot be filled here"
     )
 
@@ -142,7 +142,7 @@ def test_required_edge_fields_are_filled_neutrally() -> None:
             "nodes.actions.actionDescriptor",
         )
     )
-    made = fitted(MISSION, robot)
+    made = fitted_order(MISSION, robot)
     (edge,) = made.edges
 
     assert (edge.length, edge.maximum_speed) == (1.0, 1.2), "the robot's own speed"
@@ -173,16 +173,16 @@ def limited(speed: float) -> VdaOrder:
 def test_a_speed_limit_is_sent_to_robots_that_list_it(
     robot: Abilities | None, speed: float, sent: float | None
 ) -> None:
-    made = fitted(limited(speed), robot)
+    made = fitted_order(limited(speed), robot)
 
     assert [each.maximum_speed for each in made.edges] == [sent]
-    assert fitted(made, robot) == made
+    assert fitted_order(made, robot) == made
 
 
 def test_an_unknown_required_speed_is_a_problem() -> None:
     robot = abilities(demands=("edges.maximumRotationSpeed",))
 
-    assert "edges.maximumRotationSpeed" in str(order_problem(fitted(MISSION, robot), robot))
+    assert "edges.maximumRotationSpeed" in str(order_problem(fitted_order(MISSION, robot), robot))
 
 
 @pytest.mark.parametrize(
@@ -255,9 +255,9 @@ def test_fitting_twice_changes_nothing_and_requested_headings_stay(
         demands=tuple(field for field, support in supports.items() if support == "demands"),
     )
     asked = headed(goal)
-    made = fitted(asked, robot)
+    made = fitted_order(asked, robot)
 
-    assert fitted(made, robot) == made
+    assert fitted_order(made, robot) == made
     assert made.action_ids == asked.action_ids
     assert [(each.node_id, each.sequence_id, each.released) for each in made.nodes] == [
         (each.node_id, each.sequence_id, each.released) for each in asked.nodes

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.fleet.feasibility import fitted, order_problem
+from nena_order_service.fleet.feasibility import fitted_order, order_problem
 from nena_order_service.fleet.order_execution import read_progress
 from nena_order_service.fleet.position import RobotProfile, Standing
 from nena_order_service.fleet.robot import Abilities
@@ -155,7 +155,7 @@ def missing(wanted: Any, found: Any, where: str = "") -> Iterator[str]:
 def differences(name: str, vda_order: VdaOrder) -> list[str]:
     """Return how the order that a robot with all abilities is sent differs from that of the authors."""
     robot = listing(*ALL)
-    made = fitted(vda_order, robot)
+    made = fitted_order(vda_order, robot)
     assert order_problem(made, robot) is None
     content = made.model_dump(mode="json", by_alias=True, exclude_none=True)
     found: list[str] = []
@@ -203,7 +203,7 @@ def test_a_missing_heading_comes_from_a_coordinate_as_in_example_28_4() -> None:
     goal = there.nodes[-1]
     assert goal.node_id == "goal:m"
     named = there.model_copy(update={"nodes": (goal.model_copy(update={"node_id": "N2"}),), "edges": ()})
-    robot = fitted(named, listing(*ALL)).model_dump(mode="json", by_alias=True, exclude_none=True)
+    robot = fitted_order(named, listing(*ALL)).model_dump(mode="json", by_alias=True, exclude_none=True)
     assert list(missing(expected(name)["nodes"][0], robot["nodes"][0])) == []
 
 
@@ -217,7 +217,11 @@ def test_orders_for_each_example_can_be_sent_in_each_version() -> None:
                 made = sent(model, f"{path.source} {path.destination}", by=by)
                 for version in ("2.0.0", "2.1.0", "3.0.0"):
                     robot = listing(*ALL, version=version)
-                    assert order_problem(fitted(made, robot), robot) is None, (file.name, path.name, version)
+                    assert order_problem(fitted_order(made, robot), robot) is None, (
+                        file.name,
+                        path.name,
+                        version,
+                    )
                 tried += 1
     assert tried > 60
 
@@ -439,14 +443,16 @@ FULL = row(
 
 @pytest.mark.parametrize("field", [each for each in RULED if each != "trajectory"])
 def test_only_listed_fields_are_sent(field: str) -> None:
-    content = fitted(sent(FULL, "A B"), listing(f"edges.{field}")).edges[0]
+    content = fitted_order(sent(FULL, "A B"), listing(f"edges.{field}")).edges[0]
     given = content.model_dump(mode="json", by_alias=True, exclude_none=True)
     assert given.keys() & set(RULED) == {field}
 
 
 def test_robots_without_a_factsheet_are_not_sent_layout_fields() -> None:
     for abilities in (None, listing()):
-        given = fitted(sent(FULL, "A B"), abilities).edges[0].model_dump(by_alias=True, exclude_none=True)
+        given = (
+            fitted_order(sent(FULL, "A B"), abilities).edges[0].model_dump(by_alias=True, exclude_none=True)
+        )
         assert given.keys() & set(RULED) == set()
 
 
@@ -455,7 +461,7 @@ def test_a_required_length_is_taken_from_the_layout() -> None:
     demands = (OptionalParameter(parameter="order.edges.length", support=Support.REQUIRED),)
     features = made.protocol_features.model_copy(update={"optional_parameters": demands})
     robot = Abilities(made.model_copy(update={"protocol_features": features}))
-    assert [each.length for each in fitted(sent(FULL, "A C"), robot).edges] == [3.5, 3.0]
+    assert [each.length for each in fitted_order(sent(FULL, "A C"), robot).edges] == [3.5, 3.0]
 
 
 def test_a_vehicle_without_a_type_uses_rules_common_to_all_types() -> None:

@@ -6,7 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.fleet.vda_order import VdaOrder, grown, released_to, update_of, with_other_horizon
+from nena_order_service.fleet.vda_order import (
+    VdaOrder,
+    released_to,
+    update_of,
+    with_kept_base,
+    with_other_horizon,
+)
 from nena_shared.vda5050.action import Action, BlockingType
 from nena_shared.vda5050.order import Edge, Node
 
@@ -49,7 +55,7 @@ def test_the_base_never_changes_and_sequence_ids_continue(
     assert "".join(each.node_id for each in other.nodes) == before[: base_end + 1] + beyond
     assert other.action_ids == {"new"}
     at_robot, wanted = released_to(held, 2 * base_end), released_to(other, 2 * base_end)
-    assert grown(at_robot, wanted) == wanted
+    assert with_kept_base(at_robot, wanted) == wanted
     assert update_of(at_robot, wanted).nodes[0] == at_robot.nodes[base_end]
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.driving import Driving
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
-from nena_order_service.fleet.feasibility import fitted, order_problem
+from nena_order_service.fleet.feasibility import fitted_order, order_problem
 from nena_order_service.fleet.position import Standing
 from nena_order_service.fleet.robot import Abilities, LinkStatus
 from nena_order_service.fleet.vda_order import VdaOrder, with_other_horizon
@@ -271,7 +271,7 @@ class Rerouting:
         if factsheet is None:
             return None
         abilities = Abilities(factsheet)
-        return order_problem(fitted(self._with_route(under_way, route), abilities), abilities)
+        return order_problem(fitted_order(self._with_route(under_way, route), abilities), abilities)
 
     def _with_route(self, under_way: _UnderWay, route: Route) -> VdaOrder:
         """Return the VDA order with this route from the end of its base (section 6.1.2)."""

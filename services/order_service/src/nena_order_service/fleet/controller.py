@@ -11,7 +11,7 @@ from typing import Final
 from nena_order_service.fleet import availability
 from nena_order_service.fleet.availability import equipment_of, significant_fields
 from nena_order_service.fleet.failures import RobotBusyError
-from nena_order_service.fleet.feasibility import fitted, order_problem
+from nena_order_service.fleet.feasibility import fitted_order, order_problem
 from nena_order_service.fleet.instant_actions import STATE_REQUEST, InstantActionManager, without_parameters
 from nena_order_service.fleet.order_execution import OrderExecution
 from nena_order_service.fleet.outputs import (
@@ -221,7 +221,7 @@ class RobotControl:
         """
         run, abilities = self._run, self.robot.abilities
         if run and run.vda_order.order_id == vda_order.order_id:
-            run.extend(fitted(vda_order, abilities))
+            run.extend(fitted_order(vda_order, abilities))
         return self._send_and_report(now)
 
     def cancel_order(self, now: float) -> Iterator[FleetOutput]:
@@ -350,7 +350,7 @@ class RobotControl:
         if state is None or self._cannot_receive(run, now):
             run.hold()
             return
-        run.fit(lambda vda_order: fitted(vda_order, abilities))
+        run.fit(lambda vda_order: fitted_order(vda_order, abilities))
         first = run.phase is VdaOrderPhase.WAITING
         if first and abilities and (problem := order_problem(run.vda_order, abilities)):
             yield run.refuse(Reason(R.UNFIT, problem))

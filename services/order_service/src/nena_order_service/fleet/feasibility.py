@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import pairwise
+from itertools import chain, pairwise
 from math import atan2, hypot, pi
 from types import MappingProxyType
 from typing import Any, Final, TypeVar
@@ -46,23 +46,35 @@ _Ends = tuple[NodePosition | None, NodePosition | None]
 """The positions of an edge's nodes."""
 
 
-def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
+def fitted_order(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
     """Remove optional fields that the robot does not support, and fill required ones (section 7.1.1).
 
-    Without a factsheet, only speed limits and the layout's edge fields are removed, because the robot may
-    refuse them. Fields that matter for the order are kept, and :func:`order_problem` reports them: positions,
-    and the heading at a coordinate.
+    Fields that matter for the order are kept, and :func:`order_problem` reports them: positions, and the
+    heading at a coordinate.
     """
     if abilities is None:
+        # 6.1.4: a robot may refuse an order with fields that it does not support. Those that only refine the
+        # drive are not worth that.
         nothing = {"maximum_speed": None, **dict.fromkeys(_RULED.values())}
         edges = tuple(_with_changes(edge, nothing) for edge in vda_order.edges)
         return VdaOrder(order_id=vda_order.order_id, nodes=vda_order.nodes, edges=edges)
-    rules, nodes = _EdgeRules.of(abilities), list[Node]()
+    rules, nodes = _EdgeRules.from_abilities(abilities), list[Node]()
     previous: Node | None = None
     heading = 0.0
     for node in vda_order.nodes:
-        heading = _heading_at(previous, node, heading)
-        nodes.append(_fitted_node(node, heading, abilities))
+        # The heading, rad, of a robot that drives straight and forwards. It does not depend on later nodes,
+        # so that an update repeats the node unchanged (6.1.2).
+        start, end = previous and previous.node_position, node.node_position
+        if start and end and (start.x, start.y) != (end.x, end.y):
+            heading = atan2(end.y - start.y, end.x - start.x)
+        changes: dict[str, Any] = {}
+        if node.actions:
+            changes["actions"] = tuple(_fitted_in_order(action, abilities) for action in node.actions)
+        if node.node_position is not None and not abilities.takes_positions:
+            changes["node_position"] = _fitted_position(node, node.node_position, heading, abilities)
+        if "nodes.nodeDescriptor" in abilities.required_fields:
+            changes["node_descriptor"] = node.node_id
+        nodes.append(_with_changes(node, changes))
         previous = node
     edges = tuple(
         _fitted_edge(edge, (start.node_position, end.node_position), abilities, rules)
@@ -72,26 +84,22 @@ def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
 
 
 def fitted_action(action: Action, abilities: Abilities) -> Action:
-    """Return the action with its parameters converted to the declared types, if that is unambiguous.
-
-    Station and load type, which fleet control adds, are left out if the robot does not list them.
-    """
+    """Return the action with its parameters converted to the declared types, if that is unambiguous."""
+    # Station and load type are fleet control's own additions: a robot that lists others might refuse them.
     wanted = abilities.declared_parameters(action)
     parameters = tuple(
         _convert_parameter(parameter, wanted.get(parameter.key))
-        for parameter in _with_listed_name(action, wanted, abilities)
+        for parameter in _with_listed_device(action, wanted, abilities)
         if not wanted or parameter.key in wanted or parameter.key not in STATION_PARAMETERS
     )
     return _with_changes(action, {"action_parameters": parameters})
 
 
-def _with_listed_name(
+def _with_listed_device(
     action: Action, wanted: Mapping[str, ActionParameterDescription], abilities: Abilities
 ) -> Iterator[ActionParameter]:
-    """Yield the parameters of an action, with the load handling device under the name that the robot lists.
-
-    3.0.1 renamed ``lhd`` of pick and drop. A robot that lists neither name is sent that of its version.
-    """
+    """Yield an action's parameters, with the load handling device under the name that the robot lists."""
+    # 3.0.1 renamed ``lhd`` of pick and drop. A robot that lists neither name is sent that of its version.
     listed = next((key for key in LOAD_HANDLING_DEVICE if key in wanted), None)
     if listed is None and abilities.codec:
         listed = abilities.codec.rules.load_handling_device_key
@@ -102,22 +110,12 @@ def _with_listed_name(
 
 def _with_changes(part: P, changes: Mapping[str, object]) -> P:
     """Return a part of an order with changes; usually nothing changes, and it is the same object."""
+    # Orders have hundreds of nodes and edges, and pydantic's copies cost more than these comparisons.
     fields = vars(part)
     new = {
         name: value for name, value in changes.items() if fields[name] is not value and fields[name] != value
     }
     return part.model_copy(update=new) if new else part
-
-
-def _fitted_node(node: Node, heading: float, abilities: Abilities) -> Node:
-    changes: dict[str, Any] = {}
-    if node.actions:
-        changes["actions"] = tuple(_fitted_in_order(action, abilities) for action in node.actions)
-    if node.node_position is not None and not abilities.takes_positions:
-        changes["node_position"] = _fitted_position(node, node.node_position, heading, abilities)
-    if "nodes.nodeDescriptor" in abilities.required_fields:
-        changes["node_descriptor"] = node.node_id
-    return _with_changes(node, changes)
 
 
 def _fitted_in_order(action: Action, abilities: Abilities) -> Action:
@@ -134,17 +132,18 @@ def _fitted_in_order(action: Action, abilities: Abilities) -> Action:
 def _fitted_position(
     node: Node, position: NodePosition, heading: float, abilities: Abilities
 ) -> NodePosition:
-    """Remove or fill fields of a position; a required heading is filled with an unlimited deviation."""
+    """Remove or fill fields of a position."""
     demanded = abilities.required_fields
     changes: dict[str, Any] = {}
     if not abilities.takes_field(DEVIATION_XY_FIELD):
         changes["allowed_deviation_xy"] = None
     if not abilities.takes_field(THETA_FIELD) and not node.node_id.startswith(GOAL_PREFIX):
         changes["theta"] = None
-    free = changes.get("theta", position.theta) is None
-    if free and THETA_FIELD in demanded and abilities.takes_field(DEVIATION_THETA_FIELD):
+    is_free = changes.get("theta", position.theta) is None
+    if is_free and THETA_FIELD in demanded and abilities.takes_field(DEVIATION_THETA_FIELD):
+        # With a deviation of pi any heading will do: the field is there, and demands nothing.
         changes |= {"theta": heading, "allowed_deviation_theta": pi}
-    elif free and DEVIATION_THETA_FIELD in demanded:
+    elif is_free and DEVIATION_THETA_FIELD in demanded:
         changes["allowed_deviation_theta"] = pi
     if not abilities.takes_field(DEVIATION_THETA_FIELD):
         changes["allowed_deviation_theta"] = None
@@ -193,23 +192,23 @@ def _limits_speed(speed: float, abilities: Abilities) -> bool:
     return abilities.lists_field("edges.maximumSpeed") and (not own or speed < own)
 
 
-def _adapt_speed(edge: Edge, _: _Ends, abilities: Abilities) -> float | None:
-    if edge.maximum_speed is not None and _limits_speed(edge.maximum_speed, abilities):
-        return edge.maximum_speed
-    return abilities.factsheet.physical_parameters.maximum_speed or None
-
-
-def _rotation_speed(_: Edge, __: _Ends, abilities: Abilities) -> float | None:
-    return abilities.factsheet.physical_parameters.maximum_angular_speed or None
-
-
 _Fill = Callable[[Edge, _Ends, Abilities], object]
 _EDGE_FIELDS: Final[Mapping[str, tuple[str, _Fill]]] = MappingProxyType(
     {
         "edges.edgeDescriptor": ("edge_descriptor", lambda edge, *_: edge.edge_id),
         "edges.length": ("length", _distance_between),
-        "edges.maximumSpeed": ("maximum_speed", _adapt_speed),
-        "edges.maximumRotationSpeed": ("maximum_rotation_speed", _rotation_speed),
+        "edges.maximumSpeed": (
+            "maximum_speed",
+            lambda edge, _, abilities: (
+                edge.maximum_speed
+                if edge.maximum_speed is not None and _limits_speed(edge.maximum_speed, abilities)
+                else abilities.factsheet.physical_parameters.maximum_speed or None
+            ),
+        ),
+        "edges.maximumRotationSpeed": (
+            "maximum_rotation_speed",
+            lambda _, __, abilities: abilities.factsheet.physical_parameters.maximum_angular_speed or None,
+        ),
         "edges.reachOrientationBeforeEntering": (
             "reach_orientation_before_entering",
             lambda *_: False,
@@ -227,25 +226,13 @@ class _EdgeRules:
     required: tuple[tuple[str, _Fill], ...] = ()
 
     @classmethod
-    def of(cls, abilities: Abilities) -> _EdgeRules:
+    def from_abilities(cls, abilities: Abilities) -> _EdgeRules:
         """Read the rules from a robot's factsheet."""
         demanded = abilities.required_fields
         return cls(
             tuple(field for path, field in _RULED.items() if not abilities.lists_field(path)),
             tuple(filling for path, filling in _EDGE_FIELDS.items() if path in demanded),
         )
-
-
-def _heading_at(before: Node | None, node: Node, arrived: float) -> float:
-    """Return the heading, rad, with which a robot arrives at a node when it drives straight and forwards.
-
-    ``arrived`` is that at the node before. It does not depend on later nodes, so that an update can repeat
-    the node unchanged.
-    """
-    start, end = before and before.node_position, node.node_position
-    if start and end and (start.x, start.y) != (end.x, end.y):
-        return atan2(end.y - start.y, end.x - start.x)
-    return arrived
 
 
 def _convert_parameter(
@@ -259,12 +246,8 @@ def _convert_parameter(
     if not isinstance(parameter.value, str):
         return parameter
     with suppress(ValueError, KeyError):
-        return ActionParameter(key=parameter.key, value=_READ[wanted.value_data_type](parameter.value))
+        return ActionParameter(key=parameter.key, value=_PARSERS[wanted.value_data_type](parameter.value))
     return parameter
-
-
-def _parse_boolean(text: str) -> bool:
-    return {"true": True, "false": False}[text.strip().lower()]
 
 
 def _parse_json(text: str) -> JsonValue:
@@ -272,9 +255,9 @@ def _parse_json(text: str) -> JsonValue:
     return value if isinstance(value, dict | list) else text
 
 
-_READ: Final[Mapping[ValueDataType, Callable[[str], JsonValue]]] = MappingProxyType(
+_PARSERS: Final[Mapping[ValueDataType, Callable[[str], JsonValue]]] = MappingProxyType(
     {
-        ValueDataType.BOOL: _parse_boolean,
+        ValueDataType.BOOL: lambda text: {"true": True, "false": False}[text.strip().lower()],
         ValueDataType.NUMBER: float,
         ValueDataType.INTEGER: int,
         ValueDataType.STRING: str,
@@ -287,7 +270,7 @@ _READ: Final[Mapping[ValueDataType, Callable[[str], JsonValue]]] = MappingProxyT
 ALWAYS_THERE: Final = frozenset({"cancelOrder", "stateRequest", "factsheetRequest"})
 """Instant actions that every robot must support, whether or not its factsheet lists them."""
 
-_IS: Final[Mapping[ValueDataType, Callable[[JsonValue], bool]]] = MappingProxyType(
+_TYPE_CHECKS: Final[Mapping[ValueDataType, Callable[[JsonValue], bool]]] = MappingProxyType(
     {
         ValueDataType.BOOL: lambda value: isinstance(value, bool),
         ValueDataType.NUMBER: lambda value: isinstance(value, int | float) and not isinstance(value, bool),
@@ -312,13 +295,13 @@ def instant_action_problem(action: Action, abilities: Abilities) -> Reason | Non
     """Return why the robot cannot execute a fitted instant action (section 7.10); None if it can."""
     if action.action_type in ALWAYS_THERE:
         return None
-    return next(_instant_problems(action, abilities), None)
-
-
-def _instant_problems(action: Action, abilities: Abilities) -> Iterator[Reason]:
-    yield from _action_problems(action, ActionScope.INSTANT, abilities)
-    yield from _bad_ids((action.action_id,), abilities)
-    yield from _wire_problems(InstantActions(**_header_fields(abilities), actions=(action,)), abilities)
+    message = InstantActions(**_header_fields(abilities), actions=(action,))
+    problems = chain(
+        _action_problems(action, ActionScope.INSTANT, abilities),
+        _bad_ids((action.action_id,), abilities),
+        _wire_problems(message, abilities),
+    )
+    return next(problems, None)
 
 
 def _order_problems(vda_order: VdaOrder, abilities: Abilities) -> Iterator[Reason]:
@@ -329,8 +312,24 @@ def _order_problems(vda_order: VdaOrder, abilities: Abilities) -> Iterator[Reaso
     for edge in vda_order.edges:
         for action in edge.actions:
             yield from _action_problems(action, ActionScope.EDGE, abilities)
-    yield from _unmet_fields(vda_order, abilities)
-    yield from _bad_ids(_all_ids(vda_order), abilities)
+    required = abilities.required_fields
+    document = vda_order.model_dump(mode="json", by_alias=True, exclude_none=True) if required else {}
+    for path in required:
+        if not _is_filled(document, path.split(".")):
+            yield Reason(R.MISSING_FIELD, field=path)
+    # Only a host's coordinate needs its heading: at a point the robot may stop as it arrives.
+    positions = (node.node_position for node in vda_order.nodes if node.node_id.startswith(GOAL_PREFIX))
+    is_headed = any(position and position.theta is not None for position in positions)
+    if is_headed and not abilities.takes_field(THETA_FIELD):
+        yield Reason(R.NO_HEADINGS)
+    names = chain(
+        (vda_order.order_id,),
+        (node.node_id for node in vda_order.nodes),
+        (node.node_position.map_id for node in vda_order.nodes if node.node_position),
+        (edge.edge_id for edge in vda_order.edges),
+        vda_order.action_ids,
+    )
+    yield from _bad_ids(names, abilities)
     order = Order(
         **_header_fields(abilities),
         order_id=vda_order.order_id,
@@ -352,6 +351,7 @@ def _long_lists(vda_order: VdaOrder, abilities: Abilities) -> Iterator[Reason]:
         yield from _too_many(len(node.actions), limits.node_actions, R.NODE_ACTIONS, node=node.node_id)
     for edge in vda_order.edges:
         yield from _too_many(len(edge.actions), limits.edge_actions, R.EDGE_ACTIONS, edge=edge.edge_id)
+    # 6.6.2: the first node is reached at once, so states list one fewer.
     yield from _too_many(len(vda_order.nodes) - 1, limits.state_node_states, R.NODE_STATES)
     yield from _too_many(len(vda_order.edges), limits.state_edge_states, R.EDGE_STATES)
     yield from _too_many(len(vda_order.actions), limits.state_action_states, R.ACTION_STATES)
@@ -370,6 +370,7 @@ def _action_problems(action: Action, scope: ActionScope, abilities: Abilities) -
     if not declared:
         yield Reason(R.UNLISTED_ACTION, action=name)
         return
+    # Some robots declare an action once per scope: one declaration that fits is enough.
     problems = [next(_declaration_problems(action, scope, declaration), None) for declaration in declared]
     if all(problems):
         yield from filter(None, problems[:1])
@@ -400,7 +401,7 @@ def _value_problems(action: Action, wanted: Mapping[str, ActionParameterDescript
         if declared is None:
             names = ", ".join(wanted)
             yield Reason(R.UNKNOWN_PARAMETER, action=action.action_type, parameter=parameter.key, known=names)
-        elif not _IS[declared.value_data_type](parameter.value):
+        elif not _TYPE_CHECKS[declared.value_data_type](parameter.value):
             yield Reason(
                 R.OTHER_TYPE,
                 parameter=parameter.key,
@@ -408,22 +409,6 @@ def _value_problems(action: Action, wanted: Mapping[str, ActionParameterDescript
                 type=declared.value_data_type,
                 given=repr(parameter.value),
             )
-
-
-def _unmet_fields(vda_order: VdaOrder, abilities: Abilities) -> Iterator[Reason]:
-    """Yield required fields that are missing, and unsupported fields that the order needs."""
-    required = abilities.required_fields
-    document = vda_order.model_dump(mode="json", by_alias=True, exclude_none=True) if required else {}
-    for path in required:
-        if not _is_filled(document, path.split(".")):
-            yield Reason(R.MISSING_FIELD, field=path)
-    if not abilities.takes_field(THETA_FIELD) and any(map(_must_be_headed, vda_order.nodes)):
-        yield Reason(R.NO_HEADINGS)
-
-
-def _must_be_headed(node: Node) -> bool:
-    heads = node.node_position is not None and node.node_position.theta is not None
-    return heads and node.node_id.startswith(GOAL_PREFIX)
 
 
 def _is_filled(part: JsonValue, path: list[str]) -> bool:
@@ -442,16 +427,6 @@ def _bad_ids(ids: Iterable[str], abilities: Abilities) -> Iterator[Reason]:
             yield Reason(R.LONG_ID, id=name, limit=limits.maximum_id_length)
         if limits.id_numerical_only and not name.isdecimal():
             yield Reason(R.NOT_NUMERIC, id=name)
-
-
-def _all_ids(vda_order: VdaOrder) -> Iterator[str]:
-    yield vda_order.order_id
-    for node in vda_order.nodes:
-        yield node.node_id
-        if node.node_position:
-            yield node.node_position.map_id
-    yield from (edge.edge_id for edge in vda_order.edges)
-    yield from vda_order.action_ids
 
 
 def _too_many(count: int, limit: int | None, what: ReasonCode, **values: str) -> Iterator[Reason]:

@@ -25,7 +25,7 @@ from nena_order_service.fleet.outputs import (
 )
 from nena_order_service.fleet.robot import Availability, VdaOrderPhase
 from nena_order_service.fleet.settings import FleetSettings
-from nena_order_service.fleet.vda_order import VdaOrder, grown, held_by, update_of
+from nena_order_service.fleet.vda_order import VdaOrder, held_by, update_of, with_kept_base
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.plant import property_keys as keys
 from nena_shared.vda5050.action import ActionState, ActionStatus
@@ -199,7 +199,7 @@ class OrderExecution:
             BaseChangedError: the base of ``plan`` does not continue the current base.
         """
         newest = self._plan or (self._pending.plan if self._pending else self.vda_order)
-        plan = grown(newest, plan)
+        plan = with_kept_base(newest, plan)
         if self.phase is VdaOrderPhase.WAITING and not self._adopted:
             self.vda_order = plan  # nothing was sent yet
         else:

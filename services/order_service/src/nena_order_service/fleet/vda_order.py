@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain, pairwise, zip_longest
@@ -146,29 +146,24 @@ class OperationMap:
         action_type = self.action_type(operation)
         if action_type == NO_ACTION:
             return ()
-        parameters = {**_station_parameters(action_type, location), **properties}
+        parameters: dict[str, JsonValue] = {}
+        if action_type in STATION_ACTIONS:
+            parameters = {"stationType": "point"}
+            if location:
+                parameters = {"stationType": location.type, "stationName": location.name}
+            parameters["loadType"] = UNSPECIFIED_LOAD
+        parameters |= properties
         action = Action(
             action_type=action_type,
             action_id=self.new_id(),
             action_descriptor=operation,
             blocking_type=BlockingType.HARD,
-            action_parameters=tuple(_make_parameters(parameters.items())),
+            action_parameters=tuple(
+                ActionParameter(key=key, value=value) for key, value in parameters.items()
+            ),
             retriable=retriable or None,
         )
         return (action,)
-
-
-def _station_parameters(action_type: str, location: Location | None) -> dict[str, JsonValue]:
-    if action_type not in STATION_ACTIONS:
-        return {}
-    station: dict[str, JsonValue] = (
-        {"stationType": location.type, "stationName": location.name} if location else {}
-    )
-    return {"stationType": "point", **station, "loadType": UNSPECIFIED_LOAD}
-
-
-def _make_parameters(values: Iterable[tuple[str, JsonValue]]) -> Iterable[ActionParameter]:
-    return (ActionParameter(key=key, value=value) for key, value in values)
 
 
 START_PREFIX = "start:"
@@ -224,9 +219,8 @@ def build_vda_order(
     """Build the VDA order with ID ``name`` (section 6.1.1): along the route, then to the coordinate, if any.
 
     It starts at the robot's position: at its point or, off the points, at a temporary node at its pose.
-    Intermediate nodes have no heading, so that the robot need not stop; the last one has that of the point or
-    coordinate. ``actions`` are at the last node. Actions required by ``rules`` are at their nodes and edges,
-    except at the start node.
+    The last node has the heading of the point or coordinate, and ``actions``. Actions required by ``rules``
+    are at their nodes and edges, except at the start node.
 
     Raises:
         ValueError: there is neither a route nor a coordinate, or the route does not start at the robot.
@@ -239,13 +233,28 @@ def build_vda_order(
         raise ValueError(message)
     stops = list(_stops_of_route(name, plant, standing, profile, route, rules=rules, speed_limit=speed_limit))
     if coordinate is not None:
-        stops.append(_stop_at_goal(name, profile, coordinate, stops[-1].map_id, speed_limit(None)))
+        # A coordinate has no map of its own: it is on that of the node before it.
+        transform = profile.on(stops[-1].map_id)
+        theta = None if coordinate.theta is None else transform.heading_to_map(coordinate.theta)
+        place = transform.to_map(PlantPlace(coordinate.x, coordinate.y))
+        fields = {"maximum_speed": speed_limit(None)}
+        stops.append(_Stop(GOAL_PREFIX + name, place, stops[-1].map_id, theta, edge_fields=fields))
+    # Only the last node gets a heading, so that the robot need not stop to turn at those in between.
     elif len(stops) > 1 and (heading := _heading_at(plant, profile, stops[-1].node_id, rules)) is not None:
         stops[-1] = replace(stops[-1], theta=heading)
     return VdaOrder(
         order_id=name,
         nodes=tuple(_make_nodes(stops, profile, actions)),
-        edges=tuple(_make_edges(stops)),
+        edges=tuple(
+            Edge(
+                edge_id=end.edge_id or f"{start.node_id} --- {end.node_id}",
+                sequence_id=2 * index + 1,
+                released=True,
+                actions=required_actions(end.edge_rule, (), iter(unique_id, "")),
+                **end.edge_fields,
+            )
+            for index, (start, end) in enumerate(pairwise(stops))
+        ),
     )
 
 
@@ -263,7 +272,12 @@ def _stops_of_route(
 
     The start is a temporary node at the robot's pose, if it must drive or turn to be at its start point.
     """
-    turns = route is not None and not route.steps and _must_turn(plant, profile, standing, rules)
+    # Without steps, a robot that stands at its goal with another heading has to turn there. Robots skip a
+    # node that they are on (6.6.2), so the turn needs a node to come from.
+    turns = False
+    if route is not None and not route.steps and standing.pose is not None:
+        wanted = _heading_at(plant, profile, standing.point, rules)
+        turns = wanted is not None and abs(normalized(wanted - standing.pose.theta)) > profile.deviation_theta
     pose = standing.pose if turns or not standing.on_point else None
     if pose is not None:
         yield _Stop(START_PREFIX + name, MapPlace(pose.x, pose.y), pose.map_id)
@@ -275,13 +289,6 @@ def _stops_of_route(
     for step, of_rule in zip(steps, ruled, strict=True):
         fields = {"maximum_speed": speed_limit(step.edge), **of_rule}
         yield _stop_at(plant, profile, rules, step.destination, fields, step=step)
-
-
-def _must_turn(plant: PlantModel, profile: RobotProfile, standing: Standing, rules: TypeRules) -> bool:
-    wanted = _heading_at(plant, profile, standing.point, rules)
-    if wanted is None or standing.pose is None:
-        return False
-    return abs(normalized(wanted - standing.pose.theta)) > profile.deviation_theta
 
 
 def _stop_at(
@@ -314,15 +321,6 @@ def _heading_at(plant: PlantModel, profile: RobotProfile, point_name: str, rules
     return None if wanted is None else transform.heading_to_map(wanted)
 
 
-def _stop_at_goal(
-    name: str, profile: RobotProfile, coordinate: Coordinate, map_id: str, maximum_speed: float | None
-) -> _Stop:
-    """Return the node of a coordinate, on the map of the node before it."""
-    place = profile.on(map_id).to_map(PlantPlace(coordinate.x, coordinate.y))
-    theta = None if coordinate.theta is None else profile.on(map_id).heading_to_map(coordinate.theta)
-    return _Stop(GOAL_PREFIX + name, place, map_id, theta, edge_fields={"maximum_speed": maximum_speed})
-
-
 def _make_nodes(stops: list[_Stop], profile: RobotProfile, actions: tuple[Action, ...]) -> Iterator[Node]:
     last = len(stops) - 1
     for index, stop in enumerate(stops):
@@ -338,10 +336,9 @@ def _make_nodes(stops: list[_Stop], profile: RobotProfile, actions: tuple[Action
 
 
 def _node_position(stop: _Stop, profile: RobotProfile, *, starts: bool) -> NodePosition:
-    """Return the position of a node; the start node has a wide deviation (section 6.6.2).
-
-    The layout's bounds do not apply to the start node: a robot outside them would refuse the order.
-    """
+    """Return the position of a node; the start node has a wide deviation (section 6.6.2)."""
+    # A robot outside the deviation of the first node refuses the order (6.1.4), so neither the layout's
+    # bounds nor a narrow deviation of the vehicle apply to it.
     deviation = max(profile.deviation_xy, DEFAULT_DEVIATION_XY) if starts else profile.deviation_xy
     transform = profile.on(stop.map_id)
     bounds = stop.rule.allowed_deviation_xy if stop.rule and not starts else None
@@ -359,17 +356,6 @@ def _node_position(stop: _Stop, profile: RobotProfile, *, starts: bool) -> NodeP
     )
 
 
-def _make_edges(stops: list[_Stop]) -> Iterator[Edge]:
-    for index, (start, end) in enumerate(pairwise(stops)):
-        yield Edge(
-            edge_id=end.edge_id or f"{start.node_id} --- {end.node_id}",
-            sequence_id=2 * index + 1,
-            released=True,
-            actions=required_actions(end.edge_rule, (), iter(unique_id, "")),
-            **end.edge_fields,
-        )
-
-
 class BaseChangedError(ValueError):
     """The plan changes the robot's base, which is not allowed (section 6.1.2)."""
 
@@ -378,7 +364,7 @@ class BaseChangedError(ValueError):
         self.order_id = order_id
 
 
-def grown(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
+def with_kept_base(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
     """Return the plan, with the base exactly as it was sent in ``held`` (section 6.1.2).
 
     Raises:
@@ -388,8 +374,12 @@ def grown(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
     base = held.base_length
     if plan.order_id != held.order_id:
         raise BaseChangedError(held.order_id, f"the plan is that of {plan.order_id!r}")
-    if plan.base_length < base or not _same_base(held, plan, base):
+    # The identities have to be the same. Optional fields may differ, as they do after a new factsheet.
+    held_parts: tuple[Node | Edge, ...] = (*held.nodes[:base], *held.edges[: base - 1])
+    plan_parts: tuple[Node | Edge, ...] = (*plan.nodes[:base], *plan.edges[: base - 1])
+    if plan.base_length < base or [*map(_identity_of, held_parts)] != [*map(_identity_of, plan_parts)]:
         raise BaseChangedError(held.order_id, "the plan has a different base")
+    # What was sent stays as it was: robots compare the stitching node with their own (6.1.2).
     nodes = (*held.nodes[:base], *plan.nodes[base:])
     edges = (*held.edges[: base - 1], *plan.edges[base - 1 :])
     return VdaOrder(order_id=plan.order_id, nodes=nodes, edges=edges)
@@ -399,9 +389,9 @@ def update_of(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
     """Return the order update that changes ``held`` to ``plan``, from the end of the base (section 6.1.2).
 
     Raises:
-        BaseChangedError: as :func:`grown`.
+        BaseChangedError: as :func:`with_kept_base`.
     """
-    whole, begin = grown(held, plan), held.base_length - 1
+    whole, begin = with_kept_base(held, plan), held.base_length - 1
     return VdaOrder(order_id=whole.order_id, nodes=whole.nodes[begin:], edges=whole.edges[begin:])
 
 
@@ -418,14 +408,7 @@ def held_by(state: State, plan: VdaOrder) -> VdaOrder:
     return released_to(plan, base[-1] if base else state.last_node_sequence_id)
 
 
-def _same_base(held: VdaOrder, plan: VdaOrder, base: int) -> bool:
-    """Return whether both have the same base; its optional fields may differ, as after a new factsheet."""
-    held_parts: tuple[Node | Edge, ...] = (*held.nodes[:base], *held.edges[: base - 1])
-    plan_parts: tuple[Node | Edge, ...] = (*plan.nodes[:base], *plan.edges[: base - 1])
-    return [*map(_outline_of, held_parts)] == [*map(_outline_of, plan_parts)]
-
-
-def _outline_of(part: Node | Edge) -> tuple[str, int, list[str]]:
+def _identity_of(part: Node | Edge) -> tuple[str, int, list[str]]:
     """Return the identity of a node or an edge."""
     name = part.node_id if isinstance(part, Node) else part.edge_id
     return name, part.sequence_id, [action.action_id for action in part.actions]
@@ -438,8 +421,7 @@ def _with_release(part: G, *, released: bool) -> G:
 def with_other_horizon(held: VdaOrder, base_end: int, tail: VdaOrder) -> VdaOrder:
     """Return ``held`` up to its node ``base_end``, continued by ``tail``, which starts there (section 6.1.2).
 
-    The base is unchanged; of the first node of ``tail`` only the ID is used. The action IDs of ``tail`` must
-    be new, because IDs are not reused after a change of the horizon.
+    The base is unchanged; of the first node of ``tail`` only the ID is used.
 
     Raises:
         ValueError: ``tail`` starts at another node, has only one node, or reuses an action ID.
@@ -447,10 +429,11 @@ def with_other_horizon(held: VdaOrder, base_end: int, tail: VdaOrder) -> VdaOrde
     if tail.nodes[0].node_id != held.nodes[base_end].node_id or not tail.edges:
         message = f"the new route does not continue from node {held.nodes[base_end].node_id!r}"
         raise ValueError(message)
+    # A robot may still list the actions of the horizon that it was sent before (6.6.9).
     if tail.action_ids & held.action_ids:
         message = "action IDs of the old horizon are reused"
         raise ValueError(message)
-    shift = 2 * base_end
+    shift = 2 * base_end  # 6.1.1: nodes are even, edges odd, and both count on
     nodes = (node.model_copy(update={"sequence_id": node.sequence_id + shift}) for node in tail.nodes[1:])
     edges = (edge.model_copy(update={"sequence_id": edge.sequence_id + shift}) for edge in tail.edges)
     return VdaOrder(
