@@ -31,17 +31,6 @@ MAXIMUM_DISPLACEMENT = 1.0
 """Distance from its reached node above which a robot was moved by hand, metres."""
 
 
-def _general_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
-    """Run checks 2 to 5, which apply to new orders and updates (section 6.1.4)."""
-    return (
-        _mode_fault(order, robot)
-        or _size_fault(order, robot)
-        or _parameter_fault(order, robot)
-        or _path_fault(order, robot)
-        or _action_fault(order, robot)
-    )
-
-
 def _mode_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
     """Check 2: the robot is available."""
     if robot.power is PowerPhase.FALLING_ASLEEP:
@@ -136,19 +125,17 @@ def load_fault(order: Order, robot: RobotState, *, skip: int = 0) -> ErrorEntry 
     """
     placed = [(node.sequence_id, node.actions) for node in order.nodes[skip:]]
     placed += [(edge.sequence_id, edge.actions) for edge in order.edges]
-    in_order = chain.from_iterable(actions for _, actions in sorted(placed, key=lambda each: each[0]))
-    refused = first_load_problem(in_order, robot.capabilities.actions, loaded=_loaded_at_the_end(robot))
+    in_order = chain.from_iterable(actions for _, actions in sorted(placed, key=lambda place: place[0]))
+    declared = robot.capabilities.actions
+    # An update is executed after the base: what counts is the load at its end, not the one now.
+    to_do = (record.action for record in robot.base_actions if not record.status.ended)
+    loaded = loaded_after(to_do, declared, loaded=bool(robot.loads))
+    refused = first_load_problem(in_order, declared, loaded=loaded)
     if refused is None:
         return None
     action, problem = refused
     hint = "the state's loads show what the robot carries; send matching actions"
     return refusal(ErrorType.INVALID_ORDER_ACTION, order, problem, hint=hint, action_id=action.action_id)
-
-
-def _loaded_at_the_end(robot: RobotState) -> bool:
-    """Return whether the robot will carry a load at the end of its base."""
-    to_do = (record.action for record in robot.base_actions if not record.status.ended)
-    return loaded_after(to_do, robot.capabilities.actions, loaded=bool(robot.loads))
 
 
 def map_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
@@ -184,23 +171,22 @@ def _edge_start(before: Node, node: Node, robot: RobotState) -> NodePosition | N
     start, end = before.node_position, node.node_position
     if start is None or end is None or start.map_id == end.map_id:
         return start
-    return end if _changes_map(before, end.map_id, robot) else start
-
-
-def _changes_map(node: Node, map_id: str, robot: RobotState) -> bool:
-    """Return whether an action of ``node`` enables a map and sets the robot's position on it."""
+    # The robot cannot change maps while it drives: an enableMap with a pose moves its position to the other
+    # map while it stands at the node (an extension of 3.0's enableMap, which has no pose).
     declared = robot.capabilities.actions.get(ENABLE_MAP)
     places = declared is not None and any(parameter.key == "theta" for parameter in declared.parameters)
-    return places and any(
+    changes_map = places and any(
         action.action_type == ENABLE_MAP
-        and action.parameter("mapId") == map_id
+        and action.parameter("mapId") == end.map_id
         and action.parameter("theta") is not None
-        for action in node.actions
+        for action in before.actions
     )
+    return end if changes_map else start
 
 
 def _reach_fault(start: NodePosition | None, node: Node, robot: RobotState) -> tuple[str, str] | None:
     """Return why no route leads to ``node``, and what to do about it."""
+    # nodePosition is optional in the schema (7.3), but a freely navigating robot knows no nodes by name.
     place = node.node_position
     if place is None:
         hint = "the robot drives to coordinates only; send nodePosition with every node"
@@ -243,8 +229,11 @@ def map_list(maps: Iterable[str]) -> str:
     return ", ".join(f"'{name}'" for name in sorted(maps)) or "none"
 
 
-def repeated_action_fault(order: Order, used: frozenset[str], *, skip: int = 0) -> ErrorEntry | None:
+def repeated_action_fault(order: Order, robot: RobotState, *, skip: int = 0) -> ErrorEntry | None:
     """Check that no actionId is used twice; the first ``skip`` nodes are ignored (section 6.1.1)."""
+    used = {record.action.action_id for record in robot.instant_actions}
+    if order.order_id == robot.progress.order_id:  # an update: the base keeps its actions
+        used.update(record.action.action_id for record in robot.base_actions)
     for _, action in _scoped_actions(order, skip=skip):
         if action.action_id in used:
             return refusal(
@@ -257,14 +246,11 @@ def repeated_action_fault(order: Order, used: frozenset[str], *, skip: int = 0) 
     return None
 
 
-def _instant_action_ids(robot: RobotState) -> frozenset[str]:
-    return frozenset(record.action.action_id for record in robot.instant_actions)
-
-
 def is_at_node(node: Node, robot: RobotState) -> bool:
     """Return whether the robot is at ``node`` and was not moved away by hand (section 6.1.4.7)."""
     pose, position = robot.reports.localized_pose, node.node_position
     default = robot.capabilities.default_deviation_xy
+    # A robot that stopped within the node's deviation may report a pose just outside it later.
     displaced = pose and position and distance(pose, position) > radius(position, 0.0) + MAXIMUM_DISPLACEMENT
     reached = robot.progress.on_last_node and robot.progress.last_node_id == node.node_id
     if reached and not displaced:
@@ -294,26 +280,6 @@ def refusal(
     )
 
 
-def _update_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
-    """Run the checks of an update, after the general ones (section 6.1.2)."""
-    fault = _outdated_fault(order, robot)
-    if fault is None and repeats(order, robot):
-        return _same_id_fault(order, robot)
-    base_action_ids = frozenset(record.action.action_id for record in robot.base_actions)
-    return (
-        fault
-        or _stitching_fault(order, robot)
-        or repeated_action_fault(order, _instant_action_ids(robot) | base_action_ids, skip=1)
-        or map_fault(order, robot)
-        or route_fault(order, robot)
-    )
-
-
-def repeats(order: Order, robot: RobotState) -> bool:
-    """Return whether the update has the current orderUpdateId (section 6.1.4.5)."""
-    return order.order_update_id == robot.progress.order_update_id
-
-
 def _outdated_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
     """Checks B1 and B2: the update is not outdated, and the order was not cancelled."""
     current = robot.progress.order_update_id
@@ -334,63 +300,31 @@ def _outdated_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
     return None
 
 
-def _same_id_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
-    """Check B3: a message with the current orderUpdateId has the same content."""
-    held = robot.progress.content if robot.capabilities.rules.equal_update_id_compared else None
-    if held is None or held.whole == fingerprint(order):
-        return None
-    return refusal(
-        ErrorType.SAME_ORDER_UPDATE_ID,
-        order,
-        f"orderUpdateId {order.order_update_id} was already accepted with different content",
-        hint="use a higher orderUpdateId for each update",
-    )
-
-
 def _stitching_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
     """Checks B4 and B5: the update begins at the decision point, which is the last node after the end."""
-    first = order.nodes[0]
-    if (first.node_id, first.sequence_id) == robot.progress.decision_point:
-        absence = _position_fault(first, order, robot) if robot.progress.cleared else None
-        return absence or _changed_fault(first, order, robot)
-    ends, hint = "no longer applies: the robot's last node was reset", "send a new order"
-    if robot.progress.decision_point:
-        ends = "ends at '{}' with sequenceId {}".format(*robot.progress.decision_point)
-        hint = "begin the update with the last released node of the order"
-    return refusal(
-        robot.capabilities.rules.wrong_stitching_node,
-        order,
-        f"the update begins at node '{first.node_id}' with sequenceId {first.sequence_id}, the base {ends}",
-        hint=hint,
-        node_id=first.node_id,
-    )
-
-
-def _position_fault(first: Node, order: Order, robot: RobotState) -> ErrorEntry | None:
-    """Check that a robot whose order was cleared is at the end of its base."""
-    if is_at_node(first, robot):
+    first, progress, rules = order.nodes[0], robot.progress, robot.capabilities.rules
+    if (first.node_id, first.sequence_id) != progress.decision_point:
+        ends, hint = "no longer applies: the robot's last node was reset", "send a new order"
+        if progress.decision_point:
+            ends = "ends at '{}' with sequenceId {}".format(*progress.decision_point)
+            hint = "begin the update with the last released node of the order"
+        begins = f"begins at node '{first.node_id}' with sequenceId {first.sequence_id}"
+        text = f"the update {begins}, the base {ends}"
+    elif progress.cleared and not is_at_node(first, robot):
+        # The order ended early (6.6.7), perhaps far from the end of its base.
+        text = f"the order was cleared, and the robot is not at '{first.node_id}', where its base ended"
+        hint = "send a new order"
+    elif (
+        # 3.0 requires the stitching node to be repeated unchanged (6.1.2); 2.x ignores the copy's content.
+        rules.stitching_node_repeated
+        and progress.content is not None
+        and progress.content.decision_node != fingerprint(first)
+    ):
+        text = f"the update repeats node '{first.node_id}' with different content"
+        hint = "repeat the last released node of the order unchanged; add new actions to a later node"
+    else:
         return None
-    return refusal(
-        robot.capabilities.rules.wrong_stitching_node,
-        order,
-        f"the order was cleared, and the robot is not at '{first.node_id}', where its base ended",
-        hint="send a new order",
-        node_id=first.node_id,
-    )
-
-
-def _changed_fault(first: Node, order: Order, robot: RobotState) -> ErrorEntry | None:
-    """Check that the stitching node is repeated unchanged, if the version requires it."""
-    held = robot.progress.content if robot.capabilities.rules.stitching_node_repeated else None
-    if held is None or held.decision_node == fingerprint(first):
-        return None
-    return refusal(
-        robot.capabilities.rules.wrong_stitching_node,
-        order,
-        f"the update repeats node '{first.node_id}' with different content",
-        hint="repeat the last released node of the order unchanged; add new actions to a later node",
-        node_id=first.node_id,
-    )
+    return refusal(rules.wrong_stitching_node, order, text, hint=hint, node_id=first.node_id)
 
 
 class Acceptance(Enum):
@@ -409,44 +343,71 @@ def decide(order: Order, robot: RobotState, *, dated: bool = True) -> Acceptance
 
     ``dated``: its timestamp is readable.
     """
-    fault = _identity_fault(order) or _epoch_fault(order, robot) or _general_fault(order, robot)
+    # The schema allows an empty orderId, but the state uses it for "no order" (7.8).
+    if not order.order_id:
+        hint = "use a new orderId for each order"
+        return refusal(ErrorType.VALIDATION_FAILURE, order, "the orderId is empty", hint=hint)
+    # No check of the standard: a replaced order service must not command the robot any more.
+    if problem := robot.history.outdated(order.nena_epoch):
+        return refusal(ErrorType.OUTDATED_ORDER_UPDATE, order, problem, hint=EPOCH_HINT)
+    # The order of these checks decides which error fleet control gets (figure 8).
+    fault = (
+        _mode_fault(order, robot)
+        or _size_fault(order, robot)
+        or _parameter_fault(order, robot)
+        or _path_fault(order, robot)
+        or _action_fault(order, robot)
+    )
     if fault is not None:
         return fault
-    # The order of these checks decides which error fleet control gets (figure 8).
     if order.order_id != robot.progress.order_id:
         return _new_order_fault(order, robot, dated=dated) or Acceptance.BEGIN
-    fault = _update_fault(order, robot)
-    if fault is None and repeats(order, robot):
-        return Acceptance.IGNORE
-    return fault or load_fault(order, robot, skip=1) or Acceptance.EXTEND
+    return _decide_update(order, robot)
 
 
-def _identity_fault(order: Order) -> ErrorEntry | None:
-    """Check 1: the orderId is not empty, which the schema allows but means "no order" in the state."""
-    if order.order_id:
-        return None
-    return refusal(
-        ErrorType.VALIDATION_FAILURE,
-        order,
-        "the orderId is empty",
-        hint="use a new orderId for each order",
+def _decide_update(order: Order, robot: RobotState) -> Acceptance | ErrorEntry:
+    if fault := _outdated_fault(order, robot):
+        return fault
+    if order.order_update_id == robot.progress.order_update_id:
+        # B3: 2.x ignores every message with the current orderUpdateId, 3.0 only one with the same content.
+        held = robot.progress.content if robot.capabilities.rules.equal_update_id_compared else None
+        if held is None or held.whole == fingerprint(order):
+            return Acceptance.IGNORE
+        text = f"orderUpdateId {order.order_update_id} was already accepted with different content"
+        hint = "use a higher orderUpdateId for each update"
+        return refusal(ErrorType.SAME_ORDER_UPDATE_ID, order, text, hint=hint)
+    # The first node of an update is the stitching node, whose actions were accepted with the base (6.1.2).
+    return (
+        _stitching_fault(order, robot)
+        or repeated_action_fault(order, robot, skip=1)
+        or map_fault(order, robot)
+        or route_fault(order, robot)
+        or load_fault(order, robot, skip=1)
+        or Acceptance.EXTEND
     )
 
 
 def _new_order_fault(order: Order, robot: RobotState, *, dated: bool) -> ErrorEntry | None:
-    # An order that is being cancelled still holds its actions (6.1.3).
-    if not robot.idle or robot.clearing:  # A1
+    # A1. An order that is being cancelled still holds its actions (6.1.3).
+    if not robot.idle or robot.clearing:
         return refusal(
             ErrorType.OTHER_ORDER_ACTIVE,
             order,
             f"order '{robot.progress.order_id}' has not ended",
             hint="wait for its end or cancel it",
         )
+    # MQTT may deliver an old order again, after a reconnect or from a queue: it must not be executed twice.
+    if problem := robot.history.replay(order, dated=dated):
+        return refusal(
+            ErrorType.OUTDATED_ORDER_UPDATE,
+            order,
+            f"{problem}; it is not executed again",
+            hint="send each order under a new orderId, with a higher headerId or the current time as "
+            "timestamp",
+        )
     return (
-        _replay_fault(order, robot, dated=dated)
-        or _update_id_fault(order, robot)
-        or _numbering_fault(order)
-        or repeated_action_fault(order, _instant_action_ids(robot))
+        _beginning_fault(order, robot)
+        or repeated_action_fault(order, robot)
         or map_fault(order, robot)
         or _start_fault(order.nodes[0], order, robot)
         or route_fault(order, robot)
@@ -454,49 +415,19 @@ def _new_order_fault(order: Order, robot: RobotState, *, dated: bool) -> ErrorEn
     )
 
 
-def _replay_fault(order: Order, robot: RobotState, *, dated: bool) -> ErrorEntry | None:
-    """Check that the order has not been executed before."""
-    problem = robot.history.replay(order, dated=dated)
-    if problem is None:
+def _beginning_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
+    """Check A2: the message is the order's first one, not an update whose order was lost."""
+    update_id, first, node_id = order.order_update_id, order.nodes[0].sequence_id, None
+    if update_id != 0 and robot.capabilities.rules.first_update_id_is_zero:
+        text = f"a new order begins with orderUpdateId 0, not {update_id}"
+    elif first != 0:
+        node_id = order.nodes[0].node_id
+        text = f"a new order begins with sequenceId 0, not {first}, "
+        text += f"and the robot has no order '{order.order_id}'"
+    else:
         return None
-    return refusal(
-        ErrorType.OUTDATED_ORDER_UPDATE,
-        order,
-        f"{problem}; it is not executed again",
-        hint="send each order under a new orderId, with a higher headerId or the current time as timestamp",
-    )
-
-
-def _epoch_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
-    """Check that no other order service has replaced the sender."""
-    problem = robot.history.outdated(order.nena_epoch)
-    return refusal(ErrorType.OUTDATED_ORDER_UPDATE, order, problem, hint=EPOCH_HINT) if problem else None
-
-
-def _update_id_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
-    """Check A2: a new order begins with orderUpdateId 0, if the version requires it."""
-    if order.order_update_id == 0 or not robot.capabilities.rules.first_update_id_is_zero:
-        return None
-    return refusal(
-        ErrorType.VALIDATION_FAILURE,
-        order,
-        f"a new order begins with orderUpdateId 0, not {order.order_update_id}",
-        hint="send the order from its beginning",
-    )
-
-
-def _numbering_fault(order: Order) -> ErrorEntry | None:
-    """Check that the order is complete: its first message may have been lost."""
-    first = order.nodes[0].sequence_id
-    if first == 0:
-        return None
-    return refusal(
-        ErrorType.VALIDATION_FAILURE,
-        order,
-        f"a new order begins with sequenceId 0, not {first}, and the robot has no order '{order.order_id}'",
-        hint="send the order from its beginning",
-        node_id=order.nodes[0].node_id,
-    )
+    hint = "send the order from its beginning"
+    return refusal(ErrorType.VALIDATION_FAILURE, order, text, hint=hint, node_id=node_id)
 
 
 def _start_fault(first: Node, order: Order, robot: RobotState) -> ErrorEntry | None:

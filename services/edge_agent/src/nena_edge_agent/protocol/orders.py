@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from pydantic import JsonValue
-
 from nena_edge_agent.protocol import actions, driving
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.declaration import CANCEL_ORDER
@@ -31,31 +29,31 @@ def receive(robot: RobotState, order: Order, *, dated: bool = True) -> None:
 
     ``dated``: its timestamp is readable.
     """
-    if _waits_for_disk(robot, order):
+    held = (robot.progress.order_id, robot.progress.order_update_id)
+    # It was accepted but is not on disk yet, so that no state reports it: fleet control sends it again.
+    if robot.journal_problem and held == (order.order_id, order.order_update_id):
         return
     decision = decide(order, robot, dated=dated)
     # Also a refused message shows that a newer order service commands the robot.
     robot.history.begin_epoch(order.nena_epoch, robot.utc_now)
-    match decision:
-        case Acceptance.BEGIN:
-            _begin_order(robot, order)
-        case Acceptance.EXTEND:
-            _extend_order(robot, order)
-        case ErrorEntry() as entry:
-            robot.errors.report(entry, _REPORTED_UNTIL.get(entry.error_type, Until.ORDER_ACCEPTED))
-        case Acceptance.IGNORE:
-            pass
-
-
-def _waits_for_disk(robot: RobotState, order: Order) -> bool:
-    """Return whether ``order`` was accepted before but is not on disk yet, so that no state reports it."""
-    progress = robot.progress
-    held = (progress.order_id, progress.order_update_id) == (order.order_id, order.order_update_id)
-    return held and bool(robot.journal_problem)
+    if isinstance(decision, ErrorEntry):
+        robot.errors.report(decision, _REPORTED_UNTIL.get(decision.error_type, Until.ORDER_ACCEPTED))
+    if decision not in (Acceptance.BEGIN, Acceptance.EXTEND):
+        return
+    robot.errors.end(Until.ORDER_ACCEPTED, Until.ORDER_OVER)
+    robot.goal.forget_failures()
+    if decision is Acceptance.BEGIN:
+        _begin_order(robot, order)
+        return
+    # The horizon's actions go with the horizon (6.6.9.1).
+    robot.actions.remove(robot.is_in_horizon)
+    robot.history.accept(order, robot.utc_now)
+    robot.progress.extend(order)
+    # The update repeats the stitching node, whose actions were accepted with the base (6.1.2).
+    robot.actions.add(_action_records(order.nodes[1:], order.edges))
 
 
 def _begin_order(robot: RobotState, order: Order) -> None:
-    _clear_errors(robot)
     # 2.x drops them with the next order; 3.0 keeps them until clearInstantActions (6.2.3).
     if not robot.capabilities.rules.instant_states_until_cleared:
         robot.instant_actions.remove(lambda record: record.status.ended)
@@ -66,21 +64,6 @@ def _begin_order(robot: RobotState, order: Order) -> None:
     robot.progress.begin(order)
     robot.actions.add(_action_records(order.nodes, order.edges))
     actions.enqueue(robot, order.nodes[0].actions)
-
-
-def _extend_order(robot: RobotState, order: Order) -> None:
-    """Extend the base; the actions of the stitching node do not run again."""
-    _clear_errors(robot)
-    robot.actions.remove(robot.is_in_horizon)
-    robot.history.accept(order, robot.utc_now)
-    robot.progress.extend(order)
-    # The update repeats the stitching node, whose actions were accepted with the base (6.1.2).
-    robot.actions.add(_action_records(order.nodes[1:], order.edges))
-
-
-def _clear_errors(robot: RobotState) -> None:
-    robot.errors.end(Until.ORDER_ACCEPTED, Until.ORDER_OVER)
-    robot.goal.forget_failures()
 
 
 def _action_records(nodes: Iterable[Node], edges: Iterable[Edge]) -> list[ActionRecord]:
@@ -102,22 +85,15 @@ def cancel(robot: RobotState, action: Action) -> None:
 
     A second cancelOrder ends together with the first. Without an order to cancel, the action fails.
     """
-    if robot.idle or _order_to_cancel(robot, action) not in (None, robot.progress.order_id):
-        _refuse_cancel(robot, action)
+    # 3.0 may name the order to cancel; without a name, and in 2.x, it is the active one.
+    order_id = action.parameter("orderId") if robot.capabilities.rules.cancel_names_order else None
+    if not robot.idle and order_id in (None, robot.progress.order_id):
+        robot.instant_actions.change(action.action_id, ActionStatus.RUNNING)
+        begin_clearing(robot)
         return
-    robot.instant_actions.change(action.action_id, ActionStatus.RUNNING)
-    begin_clearing(robot)
-
-
-def _order_to_cancel(robot: RobotState, action: Action) -> JsonValue:
-    """Return the orderId to cancel; None: the active order."""
-    return action.parameter("orderId") if robot.capabilities.rules.cancel_names_order else None
-
-
-def _refuse_cancel(robot: RobotState, action: Action) -> None:
     text = "no order to cancel"
     if not robot.idle:
-        text = f"the active order is '{robot.progress.order_id}', not '{_order_to_cancel(robot, action)}'"
+        text = f"the active order is '{robot.progress.order_id}', not '{order_id}'"
     robot.instant_actions.change(action.action_id, ActionStatus.FAILED, text)
     entry = error(
         ErrorType.NO_ORDER_TO_CANCEL,
@@ -144,14 +120,14 @@ def begin_clearing(robot: RobotState) -> None:
 def advance_clearing(robot: RobotState) -> None:
     """Clear the order once the robot has stopped and all actions have ended (section 6.1.3).
 
-    One state reports all of it. The order ends where the robot is: a freely navigating robot does not drive
-    on to the next node. If a person takes over, the order is cleared before the robot stops, because the
-    robot may be moved by hand.
+    One state reports all of it.
     """
-    by_hand = robot.next_mode.clears_order
     if not robot.clearing or not robot.actions.all_ended:
         return
     cancelled = bool(robot.running_instant_actions(CANCEL_ORDER))
+    # A freely navigating robot stops where it is; only line-guided ones drive on to the next node (6.1.3).
+    # If a person takes over, the order is cleared before the standstill: the robot may be moved by hand.
+    by_hand = robot.next_mode.clears_order
     if not by_hand and (robot.goal.moving or (cancelled and not driving.confirm_standstill(robot))):
         return
     robot.clearing = False
@@ -185,16 +161,10 @@ def advance_mode(robot: RobotState) -> None:
         robot.operating_mode, robot.wanted_mode = robot.wanted_mode, None
         if robot.operating_mode in robot.capabilities.rules.node_forgotten_in:
             robot.progress.place_at("")
-    if robot.operating_mode in robot.capabilities.rules.node_left_in and _left_node(robot):
+    if robot.operating_mode not in robot.capabilities.rules.node_left_in or not robot.progress.last_node_id:
+        return
+    # Too far from its last node to start an order there, the robot is at none (6.6.7).
+    position = robot.progress.last_node.node_position if robot.progress.last_node else None
+    pose, default = robot.reports.localized_pose, robot.capabilities.default_deviation_xy
+    if position is None or (pose is not None and not is_within_deviation(pose, position, default)):
         robot.progress.place_at("")
-
-
-def _left_node(robot: RobotState) -> bool:
-    """Return whether the robot is too far from its last node to start an order there."""
-    if not robot.progress.last_node_id:
-        return False
-    node, pose = robot.progress.last_node, robot.reports.localized_pose
-    if node is None or node.node_position is None:
-        return True
-    default = robot.capabilities.default_deviation_xy
-    return pose is not None and not is_within_deviation(pose, node.node_position, default)
