@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from nena_edge_agent.driver.port import DriveLimits, PoseReport, SessionReport, SessionState
+from nena_edge_agent.driver.port import SessionReport, SessionState
 from nena_edge_agent.protocol import driving, edge_paths
-from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.geometry import radius
 from nena_edge_agent.protocol.robot_state import (
@@ -16,7 +15,6 @@ from nena_edge_agent.protocol.robot_state import (
     RobotState,
 )
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType, error
-from nena_shared.vda5050.order import NodePosition
 from nena_shared.vda5050.own_actions import CONFIGURE_ROS_SESSION, ROS_SESSION, STOP_ROS_SESSION
 from nena_shared.vda5050.state import InfoLevel, Information
 
@@ -44,21 +42,19 @@ SESSION_CHANGES = (STOP_ROS_SESSION, CONFIGURE_ROS_SESSION)
 
 def check_conditions(robot: RobotState) -> None:
     """Report or withdraw the errors of current conditions (section 6.6.5)."""
-    robot.errors.set_condition(ErrorType.LOCALIZATION_ERROR, _localization_error(robot))
-    robot.errors.set_condition(ErrorType.NAVIGATION_NOT_AVAILABLE, _navigation_error(robot))
-    robot.errors.set_condition(ROBOT_NOT_STOPPED, _not_stopped(robot))
-    robot.errors.set_condition(MOVES_WITHOUT_ORDER, _adrift_error(robot))
-    robot.errors.set_condition(ROBOT_BLOCKED, _blocked_error(robot))
-    robot.errors.set_condition(COLLISION_STOP, _collision_error(robot))
-    robot.errors.set_condition(DRIVE_RECOVERS, _recovery_error(robot))
-    robot.errors.set_condition(DRIVE_RETRIED, _retry_error(robot))
-    robot.errors.set_condition(DEVIATION_TOO_SMALL, _deviation_error(robot))
-    robot.errors.set_condition(ErrorType.OUTSIDE_OF_CORRIDOR, edge_paths.outside_of_corridor(robot))
-    robot.errors.set_condition(EXTERNAL_GOAL, _external_goal(robot))
-    robot.errors.set_condition(JOURNAL_NOT_WRITTEN, _journal_error(robot))
-    robot.errors.set_condition(SUBSCRIPTION_REFUSED, _subscriptions_error(robot))
-    robot.errors.set_condition(ACTION_PLUGIN_UNUSABLE, _plugins_error(robot))
-    robot.errors.set_condition(ErrorType.INSTANT_ACTION_STATES_FULL, _instant_actions(robot))
+    # The state lists new errors in this order.
+    conditions: dict[str, ErrorEntry | None] = {
+        ErrorType.LOCALIZATION_ERROR: _localization_error(robot),
+        ErrorType.NAVIGATION_NOT_AVAILABLE: _navigation_error(robot),
+        **_movement_errors(robot),
+        **_drive_errors(robot),
+        DEVIATION_TOO_SMALL: _deviation_error(robot),
+        ErrorType.OUTSIDE_OF_CORRIDOR: edge_paths.outside_of_corridor(robot),
+        EXTERNAL_GOAL: _external_goal(robot),
+        **_agent_errors(robot),
+    }
+    for kind, entry in conditions.items():
+        robot.errors.set_condition(kind, entry)
     takes_orders = robot.next_mode.takes_orders and not session_problem(robot)
     # Errors of orders refused for want of a robot end when there is one again (6.6.5.4).
     if takes_orders and robot.power is PowerPhase.AWAKE and not robot.fatal:
@@ -132,15 +128,12 @@ def _localization_error(robot: RobotState) -> ErrorEntry | None:
         return None  # still searching for navigation
     if session_problem(robot) and robot.idle:
         return None  # expected, and explained by NAVIGATION_NOT_AVAILABLE
+    reason = f": {pose.problem}" if pose and pose.problem else ""
     return error(
         ErrorType.LOCALIZATION_ERROR,
-        f"the robot is not localised and does not drive{_pose_problem(pose)}",
+        f"the robot is not localised and does not drive{reason}",
         hint="set its initial position",
     )
-
-
-def _pose_problem(pose: PoseReport | None) -> str:
-    return f": {pose.problem}" if pose and pose.problem else ""
 
 
 def _navigation_error(robot: RobotState) -> ErrorEntry | None:
@@ -160,87 +153,64 @@ def _navigation_error(robot: RobotState) -> ErrorEntry | None:
     )
 
 
-def _not_stopped(robot: RobotState) -> ErrorEntry | None:
-    """Report that a person must stop the robot."""
-    problem = robot.goal.halt_problem
-    if not problem:
-        return None
-    return error(
-        ROBOT_NOT_STOPPED,
-        f"the robot was told to stop, but its standstill is not confirmed: {problem}",
-        hint="stop the robot at its emergency stop, then check Nav2 and the odometry on the robot",
-    ).with_level(ErrorLevel.FATAL)
+def _movement_errors(robot: RobotState) -> dict[str, ErrorEntry | None]:
+    """Report a robot that moves, or may move, without being told to: a person must stop it."""
+    not_stopped = adrift = None
+    if problem := robot.goal.halt_problem:
+        not_stopped = error(
+            ROBOT_NOT_STOPPED,
+            f"the robot was told to stop, but its standstill is not confirmed: {problem}",
+            hint="stop the robot at its emergency stop, then check Nav2 and the odometry on the robot",
+        ).with_level(ErrorLevel.FATAL)
+    if driving.is_adrift(robot):
+        adrift = error(
+            MOVES_WITHOUT_ORDER,
+            "the robot moves, but it has no goal: neither its order nor another program's goal drives it",
+            hint="stop it at its emergency stop, then check the robot's base and Nav2's controller; if a "
+            "person drives it, set its mode to MANUAL first; if it stands and its odometry drifts, raise "
+            "ros.goals.standstill_noise",
+        ).with_level(ErrorLevel.FATAL)
+    return {ROBOT_NOT_STOPPED: not_stopped, MOVES_WITHOUT_ORDER: adrift}
 
 
-def _adrift_error(robot: RobotState) -> ErrorEntry | None:
-    """Report that a person must look at a robot that moves although nobody has told it to."""
-    if not driving.is_adrift(robot):
-        return None
-    return error(
-        MOVES_WITHOUT_ORDER,
-        "the robot moves, but it has no goal: neither its order nor another program's goal drives it",
-        hint="stop it at its emergency stop, then check the robot's base and Nav2's controller; if a person "
-        "drives it, set its mode to MANUAL first; if it stands and its odometry drifts, raise "
-        "ros.goals.standstill_noise",
-    ).with_level(ErrorLevel.FATAL)
-
-
-def _blocked_error(robot: RobotState) -> ErrorEntry | None:
-    blocked, node = robot.reports.blocked, robot.progress.next_node
-    if blocked is None or node is None:
-        return None
-    return error(
-        ROBOT_BLOCKED,
-        f"the robot has not moved for {blocked.seconds:g} s on its way to '{node.node_id}'",
-        hint="clear its path; the drive fails when navigation gives up",
-        node_id=node.node_id,
-        order_id=robot.progress.order_id,
+def _drive_errors(robot: RobotState) -> dict[str, ErrorEntry | None]:
+    """Report what delays the drive to the next node."""
+    errors: dict[str, ErrorEntry | None] = dict.fromkeys(
+        (ROBOT_BLOCKED, COLLISION_STOP, DRIVE_RECOVERS, DRIVE_RETRIED)
     )
-
-
-def _collision_error(robot: RobotState) -> ErrorEntry | None:
-    """Report that the collision monitor stops the robot on its route."""
-    stop, node = robot.reports.collision, robot.progress.next_node
-    if stop is None or not stop.stops or node is None or robot.goal.target is None:
-        return None
-    return error(
-        COLLISION_STOP,
-        f"the collision monitor stops the robot on its way to '{node.node_id}' (field '{stop.polygon}')",
-        hint="clear the area around the robot to continue; if it is clear, check the sensors",
-        node_id=node.node_id,
-        order_id=robot.progress.order_id,
-    )
-
-
-def _recovery_error(robot: RobotState) -> ErrorEntry | None:
-    """Report a recovery of navigation for ``RECOVERY_REPORT_TIME`` seconds."""
-    progress, node, at = robot.reports.progress, robot.progress.next_node, robot.reports.recovered_at
-    if progress is None or not progress.recoveries or node is None or at is None:
-        return None
-    if robot.now - at > RECOVERY_REPORT_TIME or robot.goal.target is None:
-        return None
-    return error(
-        DRIVE_RECOVERS,
-        f"navigation cannot drive to '{node.node_id}' and runs its recoveries: "
-        "it clears its costmaps, spins, waits and backs up",
-        hint="clear the path to the node; the drive fails when navigation gives up",
-        node_id=node.node_id,
-        order_id=robot.progress.order_id,
-    )
-
-
-def _retry_error(robot: RobotState) -> ErrorEntry | None:
-    """Report a drive that is retried, until it succeeds or fails permanently."""
-    node, goal = robot.progress.next_node, robot.goal
-    if not goal.failures or goal.failed_at is not None or node is None:
-        return None
-    return error(
-        DRIVE_RETRIED,
-        f"retry {goal.failures} of {goal.retries} to reach node '{node.node_id}': {goal.problem}",
-        hint="check the robot's path; the drive fails after the last retry",
-        node_id=node.node_id,
-        order_id=robot.progress.order_id,
-    )
+    node, goal, reports = robot.progress.next_node, robot.goal, robot.reports
+    if node is None:
+        return errors
+    texts: dict[str, tuple[str, str]] = {}
+    if blocked := reports.blocked:
+        texts[ROBOT_BLOCKED] = (
+            f"the robot has not moved for {blocked.seconds:g} s on its way to '{node.node_id}'",
+            "clear its path; the drive fails when navigation gives up",
+        )
+    stop, drive, recovered_at = reports.collision, reports.progress, reports.recovered_at
+    if goal.target is not None and stop is not None and stop.stops:
+        texts[COLLISION_STOP] = (
+            f"the collision monitor stops the robot on its way to '{node.node_id}' (field '{stop.polygon}')",
+            "clear the area around the robot to continue; if it is clear, check the sensors",
+        )
+    # Nav2 reports the number of recoveries, not their end: each is shown for a while.
+    recent = recovered_at is not None and robot.now - recovered_at <= RECOVERY_REPORT_TIME
+    if goal.target is not None and drive is not None and drive.recoveries and recent:
+        texts[DRIVE_RECOVERS] = (
+            (
+                f"navigation cannot drive to '{node.node_id}' and runs its recoveries: "
+                "it clears its costmaps, spins, waits and backs up"
+            ),
+            "clear the path to the node; the drive fails when navigation gives up",
+        )
+    if goal.failures and goal.failed_at is None:
+        texts[DRIVE_RETRIED] = (
+            f"retry {goal.failures} of {goal.retries} to reach node '{node.node_id}': {goal.problem}",
+            "check the robot's path; the drive fails after the last retry",
+        )
+    for kind, (text, hint) in texts.items():
+        errors[kind] = error(kind, text, hint=hint, node_id=node.node_id, order_id=robot.progress.order_id)
+    return errors
 
 
 def _deviation_error(robot: RobotState) -> ErrorEntry | None:
@@ -248,32 +218,33 @@ def _deviation_error(robot: RobotState) -> ErrorEntry | None:
     limits = robot.reports.limits
     if limits is None:
         return None
+    capabilities = robot.capabilities
     for node in robot.progress.nodes:
-        small = node.node_position and _too_small(node.node_position, limits, robot.capabilities)
-        if small:
-            text, parameter = small
-            return error(
-                DEVIATION_TOO_SMALL,
-                f"node '{node.node_id}' allows a deviation of {text}: the drive can fail",
-                hint=f"increase the node's allowed deviation, or lower {parameter} of Nav2's goal checker",
-                node_id=node.node_id,
-                order_id=robot.progress.order_id,
-            )
+        position = node.node_position
+        if position is None:
+            continue
+        xy, theta = (
+            radius(position, capabilities.default_deviation_xy),
+            position.allowed_deviation_theta or capabilities.default_deviation_theta,
+        )
+        least_theta = limits.theta_tolerance
+        if xy < limits.tolerance:
+            text = f"{xy:g} m, but Nav2's goal tolerance is {limits.tolerance:g} m"
+            parameter = "xy_goal_tolerance"
+        # Without theta the goal has no heading to miss (7.3, nodePosition).
+        elif position.theta is not None and least_theta is not None and theta < least_theta:
+            text = f"{theta:g} rad, but Nav2's goal tolerance is {least_theta:g} rad"
+            parameter = "yaw_goal_tolerance"
+        else:
+            continue
+        return error(
+            DEVIATION_TOO_SMALL,
+            f"node '{node.node_id}' allows a deviation of {text}: the drive can fail",
+            hint=f"increase the node's allowed deviation, or lower {parameter} of Nav2's goal checker",
+            node_id=node.node_id,
+            order_id=robot.progress.order_id,
+        )
     return None
-
-
-def _too_small(
-    position: NodePosition, limits: DriveLimits, capabilities: Capabilities
-) -> tuple[str, str] | None:
-    """Return what is wrong with the allowed deviation, and Nav2's parameter; None: nothing."""
-    xy = radius(position, capabilities.default_deviation_xy)
-    if xy < limits.tolerance:
-        return f"{xy:g} m, but Nav2's goal tolerance is {limits.tolerance:g} m", "xy_goal_tolerance"
-    theta = position.allowed_deviation_theta or capabilities.default_deviation_theta
-    least = limits.theta_tolerance
-    if position.theta is None or least is None or theta >= least:
-        return None
-    return f"{theta:g} rad, but Nav2's goal tolerance is {least:g} rad", "yaw_goal_tolerance"
 
 
 def _external_goal(robot: RobotState) -> ErrorEntry | None:
@@ -291,43 +262,38 @@ def _external_goal(robot: RobotState) -> ErrorEntry | None:
     )
 
 
-def _journal_error(robot: RobotState) -> ErrorEntry | None:
-    if not robot.journal_problem:
-        return None
-    return error(
-        JOURNAL_NOT_WRITTEN,
-        f"the journal cannot be written: {robot.journal_problem}",
-        hint="fix the agent's disk; until then no action starts, no order is accepted, and the state "
-        "shows what is on the disk",
-    ).with_level(ErrorLevel.FATAL)
-
-
-def _subscriptions_error(robot: RobotState) -> ErrorEntry | None:
-    if not robot.refused_topics:
-        return None
-    return error(
-        SUBSCRIPTION_REFUSED,
-        f"the broker refuses the robot's subscriptions: {', '.join(robot.refused_topics)}",
-        hint="allow the robot to subscribe to its own topics in the broker's access list",
-    ).with_level(ErrorLevel.URGENT)
-
-
-def _plugins_error(robot: RobotState) -> ErrorEntry | None:
-    if not robot.plugin_problems:
-        return None
-    return error(
-        ACTION_PLUGIN_UNUSABLE,
-        f"actions are missing: {'; '.join(robot.plugin_problems)}",
-        hint="fix the plug-in, or list the wanted ones in actions.plugins, and restart the agent",
-    )
-
-
-def _instant_actions(robot: RobotState) -> ErrorEntry | None:
-    """Report that the robot starts no more instant actions, except those of the core."""
-    if robot.instant_actions_running < INSTANT_ACTION_LIMIT:
-        return None
-    return error(
-        ErrorType.INSTANT_ACTION_STATES_FULL,
-        f"{INSTANT_ACTION_LIMIT} instant actions are running; the robot starts no more",
-        hint="wait until some of them have ended",
-    )
+def _agent_errors(robot: RobotState) -> dict[str, ErrorEntry | None]:
+    """Report what keeps the agent itself from doing its work."""
+    journal = subscriptions = plugins = instant_actions = None
+    if robot.journal_problem:
+        journal = error(
+            JOURNAL_NOT_WRITTEN,
+            f"the journal cannot be written: {robot.journal_problem}",
+            hint="fix the agent's disk; until then no action starts, no order is accepted, and the state "
+            "shows what is on the disk",
+        ).with_level(ErrorLevel.FATAL)
+    if robot.refused_topics:
+        subscriptions = error(
+            SUBSCRIPTION_REFUSED,
+            f"the broker refuses the robot's subscriptions: {', '.join(robot.refused_topics)}",
+            hint="allow the robot to subscribe to its own topics in the broker's access list",
+        ).with_level(ErrorLevel.URGENT)
+    if robot.plugin_problems:
+        plugins = error(
+            ACTION_PLUGIN_UNUSABLE,
+            f"actions are missing: {'; '.join(robot.plugin_problems)}",
+            hint="fix the plug-in, or list the wanted ones in actions.plugins, and restart the agent",
+        )
+    # The core's own instant actions still start: fleet control can cancel and pause.
+    if robot.instant_actions_running >= INSTANT_ACTION_LIMIT:
+        instant_actions = error(
+            ErrorType.INSTANT_ACTION_STATES_FULL,
+            f"{INSTANT_ACTION_LIMIT} instant actions are running; the robot starts no more",
+            hint="wait until some of them have ended",
+        )
+    return {
+        JOURNAL_NOT_WRITTEN: journal,
+        SUBSCRIPTION_REFUSED: subscriptions,
+        ACTION_PLUGIN_UNUSABLE: plugins,
+        ErrorType.INSTANT_ACTION_STATES_FULL: instant_actions,
+    }
