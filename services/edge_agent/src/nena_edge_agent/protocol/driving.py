@@ -50,21 +50,40 @@ server (the time-out of its bond), and then the last retry waits for it."""
 
 def advance(robot: RobotState) -> None:
     """Take the steps that are due: repeat an unanswered halt, stop the robot, or drive on."""
-    _repeat_unanswered_halt(robot)
+    since = robot.goal.halting_since
+    if since is not None and robot.now - since >= HALT_TIMEOUT:
+        robot.request_halt()
     if _must_stop(robot):
         # after a restart navigation may continue the earlier goal until the first pose arrives
         (stop if robot.reports.pose is not None else halt)(robot)
         return
-    _update_ahead(robot)
+    node, pose = robot.progress.next_node, robot.reports.localized_pose
+    position = node.node_position if node else None
+    # An update, a zone or an action may have changed the poses after the next node.
+    if (
+        robot.goal.target is not None
+        and node
+        and position
+        and pose
+        and _poses_ahead(robot) != robot.goal.ahead
+    ):
+        _send_goal(robot, node, position, pose)
     while _may_drive(robot):
         if goals := robot.reports.goals.external:
             text = f"navigation is driving to another program's goal ({goals[0].goal_id})"
             _fail_drive(robot, port.DriveFailure.TAKEN_OVER, text)
             return
-        _enter_edge(robot)
         # The actions of an edge start when it is entered, and may forbid driving (6.2.2, 6.6.2).
-        if not robot.driving_allowed or not _drive_to_next_node(robot):
+        if not robot.progress.edge_entered:
+            actions.enqueue(robot, robot.progress.enter_edge().actions)
+        node, pose = robot.progress.next_node, robot.reports.localized_pose
+        if not robot.driving_allowed or node is None or node.node_position is None or pose is None:
+            return  # order acceptance excludes a node without a position
+        if not _is_already_at(robot, node.node_position, pose):
+            _send_goal(robot, node, node.node_position, pose)
             return
+        # An edge of no length, as to start new actions at a node (6.1.2, figure 7).
+        _traverse_node(robot)
 
 
 def halt(robot: RobotState) -> None:
@@ -91,25 +110,24 @@ def confirm_standstill(robot: RobotState) -> bool:
     return False
 
 
-def has_unneeded_goal(robot: RobotState) -> bool:
-    """Return whether navigation may still drive to an own goal that the order does not need."""
-    wanted = robot.progress.next_node is not None and robot.driving_allowed
-    return robot.goal.own is not None and not wanted
-
-
 def new_base_request(robot: RobotState) -> bool:
     """Return whether the end of the base is near and a horizon is left (section 6.6.3).
 
     A robot that passes nodes requests a new base early enough to pass the end of the old one at full speed.
     """
-    if not robot.progress.horizon_left or robot.clearing:
+    nodes, pose = robot.progress.nodes, robot.reports.localized_pose
+    if not nodes or nodes[-1].released or robot.clearing:
         return False
     capabilities = robot.capabilities
     request_distance = capabilities.base_request_distance
     if capabilities.strategy is DriveStrategy.PASS_THROUGH:
         driven = capabilities.maximum_speed * capabilities.base_request_time
         request_distance = max(request_distance, _hand_over(robot) + driven)
-    return _base_length_left(robot) <= request_distance
+    if pose is None:
+        return True  # the distance is unknown
+    base = (node.node_position for node in nodes if node.released)
+    path = [(pose.x, pose.y), *((position.x, position.y) for position in base if position)]
+    return sum(dist(start, end) for start, end in pairwise(path)) <= request_distance
 
 
 # Reports of the driver
@@ -237,7 +255,7 @@ def _may_drive(robot: RobotState) -> bool:
 
 def _is_barred(robot: RobotState) -> bool:
     """Return whether a zone stops the robot, or it has left its path."""
-    return zones.must_stop(robot) or edge_paths.has_left_path(robot)
+    return zones.must_stop(robot) or edge_paths.deviation_from_path(robot) > 0.0
 
 
 def _may_pass(robot: RobotState, node: Node) -> bool:
@@ -248,6 +266,11 @@ def _may_pass(robot: RobotState, node: Node) -> bool:
         return False
     capabilities = robot.capabilities
     on_path = edge_paths.follows(edge, capabilities)
+    # At this distance the next goal is sent: early enough that navigation does not slow down first.
+    driven = abs(robot.reports.velocity.vx or 0.0) * capabilities.hand_over_time
+    pass_radius = max(capabilities.pass_radius, _hand_over(robot) + driven)
+    after = next(islice(robot.progress.nodes, 1, None), None)
+    end = after.node_position if after else None
     return (
         robot.driving_allowed
         and not robot.link.out_of_reach(robot.now)
@@ -257,30 +280,17 @@ def _may_pass(robot: RobotState, node: Node) -> bool:
         and on_path == edge_paths.follows(beyond, capabilities)
         # Nav2 ends a goal with another tree than the running one instead of replacing it (onPreempt).
         and _behavior_tree(beyond) == _behavior_tree(edge)
-        and ((capabilities.drives_ahead and not on_path) or distance(pose, position) <= _pass_radius(robot))
+        and ((capabilities.drives_ahead and not on_path) or distance(pose, position) <= pass_radius)
         and is_within_deviation(pose, position, capabilities.default_deviation_xy)
         and heading_matches(pose, position, capabilities.default_deviation_theta)
-        and not _is_next_edge_barred(robot, position)
+        and (end is None or zones.first_barred(robot, position, end, edge=1) is None)
     )
-
-
-def _pass_radius(robot: RobotState) -> float:
-    """Return the distance in m from a passed node at which the next goal is sent, at the current speed."""
-    capabilities, speed = robot.capabilities, robot.reports.velocity.vx or 0.0
-    return max(capabilities.pass_radius, _hand_over(robot) + abs(speed) * capabilities.hand_over_time)
 
 
 def _hand_over(robot: RobotState) -> float:
     """Return the distance from a goal, m, at which navigation slows down or counts it as reached."""
     limits = robot.reports.limits
     return limits.hand_over if limits else robot.capabilities.hand_over_distance
-
-
-def _is_next_edge_barred(robot: RobotState, position: NodePosition) -> bool:
-    """Return whether a zone closes the edge after the next node, which is at ``position``."""
-    beyond = next(islice(robot.progress.nodes, 1, None), None)
-    end = beyond.node_position if beyond else None
-    return end is not None and zones.first_barred(robot, position, end, edge=1) is not None
 
 
 def _is_already_at(robot: RobotState, position: NodePosition, pose: port.Pose) -> bool:
@@ -297,44 +307,7 @@ def _is_already_at(robot: RobotState, position: NodePosition, pose: port.Pose) -
     )
 
 
-def _base_length_left(robot: RobotState) -> float:
-    """Return the straight-line distance, m, from the robot through the base's nodes to its end."""
-    pose = robot.reports.localized_pose
-    if pose is None:
-        return 0.0
-    base = (node.node_position for node in robot.progress.nodes if node.released)
-    path = [(pose.x, pose.y), *((position.x, position.y) for position in base if position)]
-    return sum(dist(start, end) for start, end in pairwise(path))
-
-
 # Steps
-
-
-def _repeat_unanswered_halt(robot: RobotState) -> None:
-    since = robot.goal.halting_since
-    if since is not None and robot.now - since >= HALT_TIMEOUT:
-        robot.request_halt()
-
-
-def _enter_edge(robot: RobotState) -> None:
-    if not robot.progress.edge_entered:
-        edge = robot.progress.enter_edge()
-        actions.enqueue(robot, edge.actions)
-
-
-def _drive_to_next_node(robot: RobotState) -> bool:
-    """Send the next goal.
-
-    Return whether the node is traversed at once, because the robot is already there.
-    """
-    node, pose = robot.progress.next_node, robot.reports.localized_pose
-    if node is None or node.node_position is None or pose is None:
-        return False  # impossible: order acceptance and the callers exclude it
-    if _is_already_at(robot, node.node_position, pose):
-        _traverse_node(robot)
-        return True
-    _send_goal(robot, node, node.node_position, pose)
-    return False
 
 
 def _send_goal(robot: RobotState, node: Node, position: NodePosition, pose: port.Pose) -> None:
@@ -357,7 +330,11 @@ def _make_goal(robot: RobotState, position: NodePosition, pose: port.Pose) -> po
     capabilities = robot.capabilities
     allowed = position.allowed_deviation_theta or capabilities.default_deviation_theta
     path = edge_paths.path_poses(robot, pose, position)
-    along = path[-1].theta if path else _travel_heading(pose, position)
+    along = pose.theta
+    if path:
+        along = path[-1].theta
+    elif distance(pose, position):
+        along = atan2(position.y - pose.y, position.x - pose.x)
     theta = position.theta if position.theta is not None else along
     return port.DriveGoal(
         generation=robot.goal.generation,
@@ -379,20 +356,20 @@ def _behavior_tree(edge: Edge) -> str:
     return next((str(action.parameter(BEHAVIOR_TREE)) for action in trees), "")
 
 
-def _travel_heading(pose: port.Pose, position: NodePosition) -> float:
-    """Return the direction from ``pose`` to ``position``, rad; the robot's heading if both coincide."""
-    if distance(pose, position) == 0:
-        return pose.theta
-    return atan2(position.y - pose.y, position.x - pose.x)
-
-
 def _traverse_node(robot: RobotState) -> None:
     robot.goal.target = None
     robot.goal.settle()
     robot.goal.forget_failures()
     node, edge = robot.progress.traverse()
-    # A node counts as traversed within its deviation (6.6.2): the robot may still be on the edge.
-    _keep_speed_limit(robot, node, edge)
+    # A node counts as traversed within its deviation (6.6.2), so the robot may still be on the edge: its
+    # speed limit holds until the robot has left it, also for the next goal.
+    pose, position, limit = robot.reports.localized_pose, node.node_position, edge.maximum_speed
+    if limit is not None and pose and position and robot.capabilities.limits_speed:
+        within = max(radius(position, robot.capabilities.default_deviation_xy), distance(pose, position))
+        robot.edge_ends = (*robot.edge_ends, EdgeEnd(limit, position, pose, within))
+        if robot.speed_limit is None or limit < robot.speed_limit:
+            robot.speed_limit = limit
+            robot.effects.append(LimitSpeed(limit))
     actions.end_with_edge(robot, edge)
     actions.enqueue(robot, node.actions)
 
@@ -418,15 +395,6 @@ def _fail_drive(
 
 
 # Poses after the next node, for a driver that passes several without a stop
-
-
-def _update_ahead(robot: RobotState) -> None:
-    """Resend the goal if the poses after it have changed."""
-    node, pose = robot.progress.next_node, robot.reports.localized_pose
-    if robot.goal.target is None or node is None or node.node_position is None or pose is None:
-        return
-    if _poses_ahead(robot) != robot.goal.ahead:
-        _send_goal(robot, node, node.node_position, pose)
 
 
 def _poses_ahead(robot: RobotState) -> tuple[port.Pose, ...]:
@@ -468,28 +436,13 @@ def _can_pass_through(
         return False
     if not allow_driving(node.actions) or not allow_driving(edge.actions):
         return False
-    return _corner_cut(before, here, there) <= radius(here, capabilities.default_deviation_xy)
-
-
-def _corner_cut(before: port.Pose | NodePosition, here: NodePosition, there: NodePosition) -> float:
-    """Return the distance by which navigation cuts the corner at ``here``, m."""
     if distance(before, here) == 0 or distance(here, there) == 0:
-        return 0.0
+        return True
     inward = atan2(here.y - before.y, here.x - before.x)
     bend = abs(turn(inward, atan2(there.y - here.y, there.x - here.x)))
-    return CORNER_CUT_DISTANCE * sin(min(bend, pi / 2))
-
-
-def _keep_speed_limit(robot: RobotState, node: Node, edge: Edge) -> None:
-    """Keep the limit of a traversed edge until the robot has left it, also for the next goal."""
-    pose, position, limit = robot.reports.localized_pose, node.node_position, edge.maximum_speed
-    if limit is None or pose is None or position is None or not robot.capabilities.limits_speed:
-        return
-    within = max(radius(position, robot.capabilities.default_deviation_xy), distance(pose, position))
-    robot.edge_ends = (*robot.edge_ends, EdgeEnd(limit, position, pose, within))
-    if robot.speed_limit is None or limit < robot.speed_limit:
-        robot.speed_limit = limit
-        robot.effects.append(LimitSpeed(limit))
+    # Nav2 heads for the next pose CORNER_CUT_DISTANCE before this one, and so misses the corner by this much.
+    corner_cut = CORNER_CUT_DISTANCE * sin(min(bend, pi / 2))
+    return corner_cut <= radius(here, capabilities.default_deviation_xy)
 
 
 def limit_speed(robot: RobotState) -> None:
@@ -500,6 +453,7 @@ def limit_speed(robot: RobotState) -> None:
     pose = robot.reports.localized_pose
     if not robot.capabilities.limits_speed or pose is None:
         return
+    # A traversed edge's limit holds until the robot has passed its node or left its surroundings.
     robot.edge_ends = tuple(end for end in robot.edge_ends if end.is_ahead_of(pose))
     left = (end.maximum_speed for end in robot.edge_ends)
     limit = min((*zones.speed_limits(robot), *_edge_speed_limits(robot), *left), default=None)

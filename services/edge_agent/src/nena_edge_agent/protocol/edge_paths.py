@@ -72,27 +72,35 @@ def fault(
     """
     if end is None:
         return None  # another check refuses the order
-    problem = (
-        _straight_fault(start, end)
-        if edge.trajectory is None
-        else _trajectory_fault(edge.trajectory, start, end)
-    )
+    problem: Fault | None
+    if edge.trajectory is not None:
+        problem = _trajectory_fault(edge.trajectory, start, end)
+    elif start is None:
+        text = "the edge has a corridor without a trajectory, and its start node has no nodePosition"
+        problem = Fault(ErrorType.VALIDATION_FAILURE, text, "send nodePosition with every node")
+    else:
+        problem = _length_fault(dist((start.x, start.y), (end.x, end.y)))
+    if problem:
+        return problem  # before the path is computed: it may be huge
+    path = path_between(edge, start, end)
+    # Controllers finish as soon as the robot is near the end, and so would skip a loop back to it.
+    left, tolerance = 0.0, tolerance or DEFAULT_TOLERANCE
+    for farther, before in pairwise(reversed(path) if edge.trajectory else ()):
+        left += dist(before, farther)
+        away = dist(before, path[-1])
+        if away <= tolerance and left > tolerance + DETOUR:
+            text = f"its trajectory passes {away:.2f} m from its end, {left:.1f} m before it ends"
+            return Fault(ErrorType.UNSUPPORTED_PARAMETER, text, "divide the edge with a node halfway")
     corridor = edge.corridor
-    if problem is None and edge.trajectory is not None:
-        problem = _loop_fault(path_between(edge, start, end), tolerance or DEFAULT_TOLERANCE)
-    if problem or corridor is None or corridor.release_required:
-        return problem
-    if _fits_corridor(path_between(edge, start, end), corridor, footprint):
+    # A corridor with releaseRequired is not used: the robot stays on the trajectory.
+    if corridor is None or corridor.release_required:
+        return None
+    line = corners(path)
+    poses_on_line = [pose for a, b in pairwise(line) for pose in poses((a, b), "")]
+    if all(metres_outside(line, corridor, pose, footprint) <= CORNER_TOLERANCE for pose in poses_on_line):
         return None
     text = f"the corridor of edge '{edge.edge_id}' is too narrow for the robot"
     return Fault(ErrorType.NO_ROUTE_TO_TARGET, text, "widen the corridor, or send the robot on another route")
-
-
-def _straight_fault(start: NodePosition | None, end: NodePosition) -> Fault | None:
-    if start is None:
-        text = "the edge has a corridor without a trajectory, and its start node has no nodePosition"
-        return Fault(ErrorType.VALIDATION_FAILURE, text, "send nodePosition with every node")
-    return _length_fault(dist((start.x, start.y), (end.x, end.y)))
 
 
 def _length_fault(length: float) -> Fault | None:
@@ -122,18 +130,6 @@ def _trajectory_fault(trajectory: Trajectory, start: NodePosition | None, end: N
             return Fault(ErrorType.VALIDATION_FAILURE, text, hint)
     # a curve is never longer than the straight lines between its control points
     return _length_fault(sum(hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(points)))
-
-
-def _loop_fault(path: Sequence[Point], tolerance: float) -> Fault | None:
-    """Refuse a path that passes its own end: controllers finish as soon as the robot is near the end."""
-    left = 0.0
-    for farther, before in pairwise(reversed(path)):
-        left += dist(before, farther)
-        away = dist(before, path[-1])
-        if away <= tolerance and left > tolerance + DETOUR:
-            text = f"its trajectory passes {away:.2f} m from its end, {left:.1f} m before it ends"
-            return Fault(ErrorType.UNSUPPORTED_PARAMETER, text, "divide the edge with a node halfway")
-    return None
 
 
 def _spline_of(trajectory: Trajectory) -> PathTrajectory:
@@ -235,16 +231,14 @@ def corners(path: tuple[Point, ...]) -> tuple[Point, ...]:
     while waiting:
         first, last = waiting.pop()
         line = (path[first], path[last])
-        away = [(_distance_to_line(path[index], *line), index) for index in range(first + 1, last)]
+        away = [
+            (abs(_signed_distance(path[index], *line, 0.0, 1.0)), index) for index in range(first + 1, last)
+        ]
         farthest, index = max(away, default=(0.0, 0))
         if farthest > CORNER_TOLERANCE:
             kept.add(index)
             waiting += [(first, index), (index, last)]
     return tuple(path[index] for index in sorted(kept))
-
-
-def _distance_to_line(place: Point, start: Point, end: Point) -> float:
-    return abs(_signed_distance(place, start, end, 0.0, 1.0))
 
 
 def offset(path: Sequence[Point], place: Point) -> float:
@@ -285,13 +279,6 @@ def metres_outside(
     return max(0.0, max(offsets) - widths[0], -min(offsets) - widths[1])
 
 
-def _fits_corridor(path: tuple[Point, ...], corridor: Corridor, footprint: Footprint) -> bool:
-    """Return whether a robot on ``path`` fits into its corridor, with its contour if required."""
-    line = corners(path)
-    poses_on_line = [pose for a, b in pairwise(line) for pose in poses((a, b), "")]
-    return all(metres_outside(line, corridor, pose, footprint) <= CORNER_TOLERANCE for pose in poses_on_line)
-
-
 # Along a robot's order
 
 
@@ -326,14 +313,9 @@ def path_poses(robot: RobotState, pose: Pose, position: NodePosition) -> tuple[P
     return poses(path, position.map_id, position.theta)
 
 
-def has_left_path(robot: RobotState) -> bool:
-    """Return whether the robot is too far from the path of its edge to drive."""
-    return _deviation_from_path(robot) > 0.0
-
-
 def outside_of_corridor(robot: RobotState) -> ErrorEntry | None:
     """Return the error of a robot that has left its corridor or trajectory (section 6.6.5), if it has."""
-    metres = _deviation_from_path(robot)
+    metres = deviation_from_path(robot)
     if metres <= 0.0:
         return None
     edge = robot.progress.edges[0]
@@ -349,18 +331,15 @@ def outside_of_corridor(robot: RobotState) -> ErrorEntry | None:
     )
 
 
-def _deviation_from_path(robot: RobotState) -> float:
+def deviation_from_path(robot: RobotState) -> float:
+    """Return how far the robot is outside its corridor or trajectory, m; 0: it may drive."""
     pose, path = robot.reports.localized_pose, path_of_edge(robot)
     if pose is None or not path or not robot.progress.edges[0].released:
         return 0.0
-    if any(_is_at_node(robot, pose, node) for node in (robot.progress.last_node, robot.progress.next_node)):
-        return 0.0
+    # Within a node's deviation the robot need not be on the path (6.6.2, corner cutting).
+    default = robot.capabilities.default_deviation_xy
+    for node in (robot.progress.last_node, robot.progress.next_node):
+        if node and node.node_position and is_within_deviation(pose, node.node_position, default):
+            return 0.0
     corridor = robot.progress.edges[0].corridor
     return metres_outside(corners(path), corridor, pose, robot.capabilities.footprint)
-
-
-def _is_at_node(robot: RobotState, pose: Pose, node: Node | None) -> bool:
-    position = node.node_position if node else None
-    return position is not None and is_within_deviation(
-        pose, position, robot.capabilities.default_deviation_xy
-    )

@@ -84,15 +84,12 @@ def is_simple(polygon: Polygon) -> bool:
     sides = list(_sides_of(polygon))
     last = len(sides) - 1
     apart = ((i, j) for i, j in combinations(range(len(sides)), 2) if j - i > 1 and (i, j) != (0, last))
-    return bool(_signed_area(polygon)) and not any(_segments_cross(*sides[i], *sides[j]) for i, j in apart)
+    area = sum(x1 * y2 - x2 * y1 for (x1, y1), (x2, y2) in sides)
+    return bool(area) and not any(_segments_cross(*sides[i], *sides[j]) for i, j in apart)
 
 
 def _sides_of(polygon: Polygon) -> Iterator[tuple[Point, Point]]:
     return zip(polygon, (*polygon[1:], polygon[0]), strict=True)
-
-
-def _signed_area(polygon: Polygon) -> float:
-    return sum(x1 * y2 - x2 * y1 for (x1, y1), (x2, y2) in _sides_of(polygon)) / 2
 
 
 def _segments_cross(a: Point, b: Point, c: Point, d: Point) -> bool:
@@ -102,17 +99,16 @@ def _segments_cross(a: Point, b: Point, c: Point, d: Point) -> bool:
     if first * second < 0 and third * fourth < 0:
         return True
     ends = ((first, a, b, c), (second, a, b, d), (third, c, d, a), (fourth, c, d, b))
-    return any(turn == 0 and _is_between(start, end, point) for turn, start, end, point in ends)
+    # A point on the line through both ends touches the segment if it is between them.
+    return any(
+        turn_area == 0 and all(min(s, e) <= p <= max(s, e) for s, e, p in zip(start, end, point, strict=True))
+        for turn_area, start, end, point in ends
+    )
 
 
 def _turn_area(a: Point, b: Point, c: Point) -> float:
     """Return twice the area of the triangle; positive if c is to the left of a-b."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-def _is_between(start: Point, end: Point, point: Point) -> bool:
-    """Return whether ``point``, on the line through ``start`` and ``end``, is between them."""
-    return all(min(s, e) <= p <= max(s, e) for s, e, p in zip(start, end, point, strict=True))
 
 
 def radius(position: NodePosition, default: float) -> float:

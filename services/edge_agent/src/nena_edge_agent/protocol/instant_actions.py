@@ -64,17 +64,16 @@ FLEET_CONTROL = "FLEET_CONTROL"
 
 def receive(robot: RobotState, message: InstantActions) -> None:
     """Start or refuse each action; one that was received before is ignored (section 6.2.1)."""
+    refusal = None
     if len(message.actions) > MESSAGE_LIMIT:
-        _refuse_message(robot, message)
-        return
-    if problem := robot.history.outdated(message.nena_epoch):
-        entry = error(
-            ErrorType.VALIDATION_FAILURE,
-            f"the instant actions are refused: {problem}",
-            hint=EPOCH_HINT,
-            topic="instantActions",
-            header_id=message.header_id,
-        )
+        text = f"the message has {len(message.actions)} instant actions, the robot accepts {MESSAGE_LIMIT}"
+        refusal = ErrorType.INSUFFICIENT_MEMORY, text, "send them in parts"
+    elif problem := robot.history.outdated(message.nena_epoch):
+        text = f"the instant actions are refused: {problem}"
+        refusal = ErrorType.VALIDATION_FAILURE, text, EPOCH_HINT
+    if refusal:
+        kind, text, hint = refusal
+        entry = error(kind, text, hint=hint, topic="instantActions", header_id=message.header_id)
         robot.errors.report(entry, Until.INSTANT_ACTION_ACCEPTED)
         return
     robot.history.begin_epoch(message.nena_epoch, robot.utc_now)
@@ -100,17 +99,11 @@ def _action_problem(robot: RobotState, action: Action) -> str | None:
         return f"the robot does not support action '{action.action_type}'"
     if action.action_type not in CORE_ACTIONS and robot.instant_actions_running > INSTANT_ACTION_LIMIT:
         return f"{INSTANT_ACTION_LIMIT} instant actions are running already"
-    if declared.needs_idle and (problem := _order_problem(robot)):
-        return problem
+    idle = robot.idle and not robot.clearing and not robot.goal.moving
+    if declared.needs_idle and not idle:
+        return f"order '{robot.progress.order_id}' is active; wait for its end or cancel it"
     loaded = bool(robot.loads)
     return declared.problem(action, ActionScope.INSTANT) or declared.load_problem(loaded=loaded)
-
-
-def _order_problem(robot: RobotState) -> str | None:
-    """Return why an action that needs an idle robot is refused, None if the robot is idle."""
-    if robot.idle and not robot.clearing and not robot.goal.moving:
-        return None
-    return f"order '{robot.progress.order_id}' is active; wait for its end or cancel it"
 
 
 def _mode_problem(robot: RobotState, action: Action) -> str | None:
@@ -118,8 +111,10 @@ def _mode_problem(robot: RobotState, action: Action) -> str | None:
     if robot.power is PowerPhase.SHUTTING_DOWN and action.action_type != SHUTDOWN:
         return "the robot is about to shut down"
     mode = robot.next_mode
+    # A silent robot gets no other action than stopHibernation, which wakes it in each mode.
     if mode.fleet_controls or action.action_type in IN_EVERY_MODE or robot.power.silent:
         return None
+    # INTERVENED accepts orders, and of the instant actions only cancelOrder (6.6.6).
     if mode.takes_orders and action.action_type == CANCEL_ORDER:
         return None
     return f"the robot is in mode {mode}"
@@ -143,8 +138,11 @@ def _do_core_action(robot: RobotState, action: Action) -> None:  # noqa: C901, P
     match action.action_type:
         case declaration.CANCEL_ORDER:
             orders.cancel(robot, action)
-        case declaration.START_PAUSE:
-            _start_pause(robot, action)
+        case declaration.START_PAUSE:  # it finishes when the robot has stopped
+            change(action_id, ActionStatus.RUNNING)
+            robot.paused = True
+            if robot.goal.halt_problem:
+                robot.request_halt()  # the driver answers again
         case declaration.STOP_PAUSE:
             _stop_pause(robot, action)
         case declaration.INITIALIZE_POSITION:
@@ -199,17 +197,6 @@ def _refuse_action(
     robot.errors.report(entry, Until.INSTANT_ACTION_ACCEPTED)
 
 
-def _refuse_message(robot: RobotState, message: InstantActions) -> None:
-    entry = error(
-        ErrorType.INSUFFICIENT_MEMORY,
-        f"the message has {len(message.actions)} instant actions, the robot accepts {MESSAGE_LIMIT}",
-        hint="send them in parts",
-        topic="instantActions",
-        header_id=message.header_id,
-    )
-    robot.errors.report(entry, Until.INSTANT_ACTION_ACCEPTED)
-
-
 def _remember_action(robot: RobotState, action: Action) -> None:
     robot.known_instant_ids[action.action_id] = None
     while len(robot.known_instant_ids) > IDS_KNOWN:
@@ -247,13 +234,6 @@ def advance_pause(robot: RobotState) -> None:
     """Finish startPause when the robot has stopped (section 6.2.3)."""
     if robot.paused and robot.running_instant_actions(START_PAUSE) and driving.confirm_standstill(robot):
         robot.end_instant_actions(START_PAUSE, ActionStatus.FINISHED)
-
-
-def _start_pause(robot: RobotState, action: Action) -> None:
-    robot.instant_actions.change(action.action_id, ActionStatus.RUNNING)
-    robot.paused = True
-    if robot.goal.halt_problem:
-        robot.request_halt()  # the driver answers again
 
 
 def _stop_pause(robot: RobotState, action: Action) -> None:
@@ -302,12 +282,6 @@ def position_initialized(robot: RobotState, answer: PositionInitialized) -> None
     robot.end_instant_actions(INITIALIZE_POSITION, ActionStatus.FINISHED)
 
 
-def position_interrupted(robot: RobotState) -> None:
-    """Fail an initializePosition that a restart of the agent has interrupted."""
-    text = "the agent was interrupted before the localisation responded"
-    robot.end_instant_actions(INITIALIZE_POSITION, ActionStatus.FAILED, text)
-
-
 def advance_position(robot: RobotState) -> None:
     """Fail initializePosition (section 6.2.3) if the localisation takes too long."""
     request = robot.position_request
@@ -323,25 +297,21 @@ def _position_problem(robot: RobotState, action: Action) -> str | None:
         return f"the robot has {map_list(robot.map_ids)}, not '{map_id}'"
     if abs(_number_parameter(action, "theta")) > ANGLE_LIMIT:
         return "theta must be within -π and π"
-    if robot.goal.moving and not _waits_for_navigation(robot):
+    velocity = robot.reports.velocity
+    # Nav2 does not become active without an initial position, so that a goal may wait for this very action.
+    # If the robot was told to stop, its standstill must be confirmed.
+    waits_for_navigation = (
+        not robot.reports.navigation.available
+        and not velocity.moves
+        and (velocity.vx is not None or not robot.goal.halting)
+    )
+    if robot.goal.moving and not waits_for_navigation:
         return "the robot is driving; pause it or cancel its order first"
     if not robot.idle and node_id != robot.progress.last_node_id:
         return f"an order is active at node '{robot.progress.last_node_id}'; cancel it first"
     if len(robot.running_instant_actions(INITIALIZE_POSITION)) > 1:
         return "another position is being set"
     return None
-
-
-def _waits_for_navigation(robot: RobotState) -> bool:
-    """Return whether the robot is at standstill with a goal that navigation cannot accept yet.
-
-    Nav2 does not become active without an initial position. If the robot was told to stop, its standstill
-    must be confirmed.
-    """
-    velocity = robot.reports.velocity
-    if robot.reports.navigation.available or velocity.moves:
-        return False
-    return velocity.vx is not None or not robot.goal.halting
 
 
 def _number_parameter(action: Action, key: str) -> float:

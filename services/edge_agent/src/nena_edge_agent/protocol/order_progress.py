@@ -63,11 +63,13 @@ class BasePath:
         points = (*first, *self._points[self._starts[index] :])
         if len(points) <= 1:
             return None
+        # A polyline is a NURBS of degree 1 (7.3).
         trajectory = Trajectory(degree=1, knot_vector=_polyline_knots(len(points)), control_points=points)
         return PlannedPath(trajectory=trajectory, traversed_nodes=self._ids[index:])
 
     def _index_of(self, sequence_id: int) -> int | None:
         """Return the index of a node in the base: sequenceIds of nodes rise by 2 without gaps (7.3)."""
+        # Between two nodes their edge has the number between (7.3).
         index = (sequence_id - self._first) // 2
         complete = len(self._starts) == len(self._ids)
         return index if complete and 0 <= index < len(self._ids) else None
@@ -206,20 +208,21 @@ class OrderHistory:
         if _order_digest(order.order_id) in self._ended:
             return f"order '{order.order_id}' was received before and has ended"
         last = self.last_header
-        if last is None or not self._is_older(order, last, dated=dated):
+        if last is None:
+            return None
+        if order.nena_epoch is not None:
+            older = order.nena_epoch == last.epoch and order.header_id <= last.header_id
+        elif not dated:
+            older = last.epoch is None and order.header_id < last.header_id
+        elif last.epoch is None and order.header_id > last.header_id:
+            # A higher headerId alone shows a new message: clocks may be set back.
+            older = False
+        else:
+            older = last.timestamp is not None and order.timestamp < last.timestamp - CLOCK_TOLERANCE
+        if not older:
             return None
         new, old = _describe_header(order), _describe_header(last)
         return f"the message ({new}) is older than the last accepted order ({old})"
-
-    def _is_older(self, order: Order, last: OrderHeader, *, dated: bool) -> bool:
-        if order.nena_epoch is not None:
-            return order.nena_epoch == last.epoch and order.header_id <= last.header_id
-        if not dated:
-            return last.epoch is None and order.header_id < last.header_id
-        # A higher headerId alone shows a new message: clocks may be set back.
-        if last.epoch is None and order.header_id > last.header_id:
-            return False
-        return last.timestamp is not None and order.timestamp < last.timestamp - CLOCK_TOLERANCE
 
 
 def _describe_header(header: OrderHeader | Order) -> str:
@@ -267,10 +270,26 @@ class OrderProgress:
 
     def describe_rest(self) -> None:
         """Compute what the state reports of the rest of the order; its first edge begins at the last node."""
-        self.node_states = tuple(map(_node_state, self.nodes))
-        followed = self._path_of is not None
+        self.node_states = tuple(
+            NodeState(
+                node_id=node.node_id,
+                sequence_id=node.sequence_id,
+                node_descriptor=node.node_descriptor,
+                released=node.released,
+                node_position=node.node_position,
+            )
+            for node in self.nodes
+        )
         self.edge_states = tuple(
-            _edge_state(edge, edge.trajectory if followed else None) for edge in self.edges
+            EdgeState(
+                edge_id=edge.edge_id,
+                sequence_id=edge.sequence_id,
+                edge_descriptor=edge.edge_descriptor,
+                released=edge.released,
+                # A trajectory that is tolerated but not followed would be a wrong promise.
+                trajectory=edge.trajectory if self._path_of is not None else None,
+            )
+            for edge in self.edges
         )
         paths: dict[int, tuple[Point, ...]] = {}
         start = self.last_node
@@ -287,6 +306,7 @@ class OrderProgress:
         self.nodes.clear()
         self.edges.clear()
         self._append_order(order)
+        # The first node counts as reached at once, so that it is in no nodeStates (6.6.2).
         self._reach_node(order.nodes[0])
         self.describe_rest()
 
@@ -309,11 +329,6 @@ class OrderProgress:
     def next_node(self) -> Node | None:
         """Return the node to drive to, if it is in the base."""
         return self.nodes[0] if self.nodes and self.nodes[0].released else None
-
-    @property
-    def horizon_left(self) -> bool:
-        """Return whether the order has a horizon."""
-        return bool(self.nodes) and not self.nodes[-1].released
 
     def enter_edge(self) -> Edge:
         """Enter the next edge (section 6.6.2)."""
@@ -376,23 +391,3 @@ class OrderProgress:
 def last_released(nodes: Sequence[Node]) -> Node:
     """Return the last node of the base: the decision point, where an update begins (section 6.1.2)."""
     return next(node for node in reversed(nodes) if node.released)
-
-
-def _node_state(node: Node) -> NodeState:
-    return NodeState(
-        node_id=node.node_id,
-        sequence_id=node.sequence_id,
-        node_descriptor=node.node_descriptor,
-        released=node.released,
-        node_position=node.node_position,
-    )
-
-
-def _edge_state(edge: Edge, trajectory: Trajectory | None) -> EdgeState:
-    return EdgeState(
-        edge_id=edge.edge_id,
-        sequence_id=edge.sequence_id,
-        edge_descriptor=edge.edge_descriptor,
-        released=edge.released,
-        trajectory=trajectory,
-    )

@@ -22,7 +22,7 @@ from nena_edge_agent.protocol import (
 from nena_edge_agent.protocol.action_states import loads_by_sensor
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.conditions import check_conditions
-from nena_edge_agent.protocol.declaration import CANCEL_ORDER, START_PAUSE
+from nena_edge_agent.protocol.declaration import CANCEL_ORDER, INITIALIZE_POSITION, START_PAUSE
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.memory import Memory, memory_of, restored
 from nena_edge_agent.protocol.order_progress import OrderProgress
@@ -73,7 +73,9 @@ class RobotCore:
         # Before the drive: an action at the node keeps the robot there (6.2.2).
         if robot.standstill_by is not None:
             actions.schedule(robot)
-        _end_zone_set_requests(robot)
+        for report in zones.end_requests(robot):
+            actions.apply_report(robot, report)
+            actions.schedule(robot)
         driving.advance(robot)
         # After the drive: only now it is known whether something drives the robot.
         driving.watch_movement(robot)
@@ -320,16 +322,14 @@ def _set_time(robot: RobotState, utc: datetime | None) -> None:
 def _continue_after_restart(robot: RobotState) -> None:
     """Continue interrupted work; what the robot has done since is unknown."""
     robot.link.lost_since = robot.now
-    instant_actions.position_interrupted(robot)
+    # The answer of the localisation went to the former process.
+    text = "the agent was interrupted before the localisation responded"
+    robot.end_instant_actions(INITIALIZE_POSITION, ActionStatus.FAILED, text)
     zones.continue_after_restart(robot)
-    if robot.clearing or robot.paused or driving.has_unneeded_goal(robot):
+    # Navigation survives the agent, and may still drive to a goal that the order does not need.
+    needs_goal = robot.progress.next_node is not None and robot.driving_allowed
+    if robot.clearing or robot.paused or (robot.goal.own is not None and not needs_goal):
         robot.request_halt()
     power.continue_after_restart(robot)
     actions.continue_after_restart(robot)
     actions.schedule(robot)
-
-
-def _end_zone_set_requests(robot: RobotState) -> None:
-    for report in zones.end_requests(robot):
-        actions.apply_report(robot, report)
-        actions.schedule(robot)
