@@ -105,12 +105,12 @@ class ActionStates:
     def states(self) -> tuple[ActionState, ...]:
         """Return the action states for the state message (section 6.6.9)."""
         if self._states is None:
-            self._states = tuple(self._shown.get(key) or self._show_state(key) for key in self._records)
+            # Only changed states are made anew: an order may have a thousand actions.
+            for action_id, record in self._records.items():
+                if action_id not in self._shown:
+                    self._shown[action_id] = _state_of(record)
+            self._states = tuple(self._shown[action_id] for action_id in self._records)
         return self._states
-
-    def _show_state(self, action_id: str) -> ActionState:
-        self._shown[action_id] = shown = _state_of(self._records[action_id])
-        return shown
 
     def _forget_shown(self, action_id: str) -> None:
         self._shown.pop(action_id, None)
@@ -122,17 +122,14 @@ class ActionStates:
 
 
 def _state_of(record: ActionRecord) -> ActionState:
+    descriptor = record.action.action_descriptor
     return ActionState(
         action_id=record.action.action_id,
         action_type=record.action.action_type,
-        action_descriptor=_short_descriptor(record.action.action_descriptor),
+        action_descriptor=descriptor if descriptor is None else descriptor[:DESCRIPTOR_LIMIT],
         action_status=record.status,
         action_result=record.result,
     )
-
-
-def _short_descriptor(descriptor: str | None) -> str | None:
-    return None if descriptor is None else descriptor[:DESCRIPTOR_LIMIT]
 
 
 RUNS_ALONE = (BlockingType.SINGLE, BlockingType.HARD)

@@ -51,13 +51,21 @@ def schedule(robot: RobotState) -> None:
         stands = robot.stands
         ready = [record for record in startable if stands or not robot.needs_standstill(record)]
         for record in ready:
-            _begin_action(robot, record)
+            robot.restarts.discard(record.action.action_id)
+            states = robot.instant_actions if record.scope is ActionScope.INSTANT else robot.actions
+            states.change(record.action.action_id, ActionStatus.INITIALIZING)
+            _start_action(robot, record)
         if not ready:
             if not _standstill_overdue(robot):
                 return
-            fail_waiting(
-                robot, f"the robot did not stop within {STANDSTILL_TIMEOUT:.0f} s: {_describe_motion(robot)}"
-            )
+            velocity = robot.reports.velocity
+            if goals := robot.reports.goals.external:
+                motion = f"navigation is driving to another program's goal ({goals[0].goal_id})"
+            elif velocity.vx is None:
+                motion = "its velocity is unknown"
+            else:
+                motion = f"its odometry shows {velocity.vx:.2f} m/s, {velocity.omega or 0.0:.2f} rad/s"
+            fail_waiting(robot, f"the robot did not stop within {STANDSTILL_TIMEOUT:.0f} s: {motion}")
     robot.standstill_by = None
 
 
@@ -72,29 +80,34 @@ def fail_waiting(robot: RobotState, reason: str) -> None:
 def apply_report(robot: RobotState, report: ActionReport) -> None:
     """Apply a plug-in's report about an action of the order or an instant action (section 6.6.9)."""
     states = robot.actions if report.action_id in robot.actions else robot.instant_actions
-    status = ActionStatus.RETRIABLE if _is_retriable(robot, report) else report.status
-    if not states.change(report.action_id, status, report.result):
-        return
     record = states.get(report.action_id)
+    status = ActionStatus.RETRIABLE if record and _is_retriable(robot, record, report) else report.status
+    if not record or not states.change(report.action_id, status, report.result):
+        return
     if report.loads is not None:
         robot.loads = report.loads
-    elif record and report.status is ActionStatus.FINISHED:
+    elif report.status is ActionStatus.FINISHED:
         robot.loads = loads_after(record.action, _declaration_of(robot, record), robot.loads)
     robot.charging = robot.charging if report.charging is None else report.charging
     robot.maps = robot.maps if report.maps is None else report.maps
     if report.error:
         robot.errors.report(report.error, Until.INSTANT_ACTION_ACCEPTED)
-    if record and status.ended:
+    if status.ended:
         robot.queue.remove(report.action_id)
         robot.instant_queue.remove(report.action_id)
         robot.restarts.discard(report.action_id)
-    # Instant actions go on during a pause (6.2.3): only those of the order are paused.
-    if record and states is robot.actions:
-        _apply_hold(robot, record)
-    if record and report.status is ActionStatus.FAILED and states is robot.instant_actions:
-        robot.errors.report(_failure_entry(robot, record), Until.INSTANT_ACTION_ACCEPTED)
-    elif record and report.status is ActionStatus.FAILED and not robot.clearing:
-        robot.errors.report(_failure_entry(robot, record), Until.ORDER_OVER)
+    # Instant actions go on during a pause (6.2.3): only those of the order are paused. One may have started
+    # during the pause, or have been paused after its end.
+    if states is robot.actions:
+        pausable = _declares_trait(robot, record, "pause_allowed")
+        if robot.held and status is ActionStatus.RUNNING and pausable:
+            robot.effects.append(PauseAction(report.action_id))
+        elif not robot.held and status is ActionStatus.PAUSED:
+            robot.effects.append(ResumeAction(report.action_id))
+    instant = states is robot.instant_actions
+    if report.status is ActionStatus.FAILED and (instant or not robot.clearing):
+        until = Until.INSTANT_ACTION_ACCEPTED if instant else Until.ORDER_OVER
+        robot.errors.report(_failure_entry(robot, record), until)
 
 
 def pause(robot: RobotState) -> None:
@@ -213,14 +226,10 @@ def clear_instant_actions(robot: RobotState, _: Action) -> tuple[ActionStatus, s
     return ActionStatus.FINISHED, None
 
 
-def _wait_for_trigger(_: RobotState, __: Action) -> tuple[ActionStatus, str | None]:
-    return ActionStatus.RUNNING, None
-
-
 CORE_ACTIONS: dict[str, CoreAction] = {
     CLEAR_INSTANT_ACTIONS: clear_instant_actions,
     ENABLE_ZONE_SET: zones.enable,
-    WAIT_FOR_TRIGGER: _wait_for_trigger,
+    WAIT_FOR_TRIGGER: lambda *_: (ActionStatus.RUNNING, None),
 }
 """Node actions that the core executes, by action type."""
 
@@ -268,31 +277,15 @@ def _standstill_overdue(robot: RobotState) -> bool:
     return robot.now >= robot.standstill_by and not robot.goal.moving
 
 
-def _describe_motion(robot: RobotState) -> str:
-    """Return what is known of the robot's movement."""
-    if goals := robot.reports.goals.external:
-        return f"navigation is driving to another program's goal ({goals[0].goal_id})"
-    velocity = robot.reports.velocity
-    if velocity.vx is None:
-        return "its velocity is unknown"
-    return f"its odometry shows {velocity.vx:.2f} m/s, {velocity.omega or 0.0:.2f} rad/s"
-
-
-def _begin_action(robot: RobotState, record: ActionRecord) -> None:
-    action_id = record.action.action_id
-    robot.restarts.discard(action_id)
-    states = robot.instant_actions if record.scope is ActionScope.INSTANT else robot.actions
-    states.change(action_id, ActionStatus.INITIALIZING)
-    _start_action(robot, record)
-
-
 def _start_action(robot: RobotState, record: ActionRecord) -> None:
     action_id = record.action.action_id
     core_action = CORE_ACTIONS.get(record.action.action_type)
+    declared = _declaration_of(robot, record)
     if record.scope is not ActionScope.INSTANT and core_action:
         status, result = core_action(robot, record.action)
         apply_report(robot, ActionReport(action_id, status, result))
-    elif problem := _load_problem(robot, record):
+    # The order was accepted with another load in mind if an earlier action has failed since.
+    elif declared and (problem := declared.load_problem(loaded=bool(robot.loads))):
         apply_report(robot, ActionReport(action_id, ActionStatus.FAILED, problem))
     else:
         robot.effects.append(StartAction(record.action, robot.loads))
@@ -304,38 +297,27 @@ def _end_action(robot: RobotState, record: ActionRecord, status: ActionStatus, r
     robot.queue.remove(record.action.action_id)
 
 
-def _is_retriable(robot: RobotState, report: ActionReport) -> bool:
-    """Return whether a failed action becomes RETRIABLE (section 6.6.9)."""
-    record = robot.actions.get(report.action_id)
+def _is_retriable(robot: RobotState, record: ActionRecord, report: ActionReport) -> bool:
+    """Return whether a failed action becomes RETRIABLE, to wait for retry or skipRetry (section 6.6.9)."""
     return (
         report.status is ActionStatus.FAILED
-        and record is not None
+        # Figure 21 leads to RETRIABLE only from RUNNING, and instant actions have no such status.
         and record.status is ActionStatus.RUNNING
+        and record.scope is not ActionScope.INSTANT
         and bool(record.action.retriable)
         and not robot.clearing
         and ActionStatus.RETRIABLE in robot.capabilities.rules.action_statuses
     )
 
 
-def _apply_hold(robot: RobotState, record: ActionRecord) -> None:
-    """Pause an action that has started during a pause; resume one that was paused after its end."""
-    action_id = record.action.action_id
-    if (
-        robot.held
-        and record.status is ActionStatus.RUNNING
-        and _declares_trait(robot, record, "pause_allowed")
-    ):
-        robot.effects.append(PauseAction(action_id))
-    elif not robot.held and record.status is ActionStatus.PAUSED:
-        robot.effects.append(ResumeAction(action_id))
-
-
 def _continue_action(robot: RobotState, states: ActionStates, record: ActionRecord) -> None:
     action_id = record.action.action_id
-    if _starts_after_pause(robot, record):
+    waits = robot.held and not robot.clearing and record.scope is not ActionScope.INSTANT
+    restartable = _declares_trait(robot, record, "restartable")
+    if waits and restartable and _declares_trait(robot, record, "pause_allowed"):
         robot.restarts.add(action_id)
         robot.actions.change(action_id, ActionStatus.PAUSED)
-    elif _declares_trait(robot, record, "restartable") and not robot.clearing:
+    elif restartable and not robot.clearing:
         states.restart(action_id)
         if robot.needs_standstill(record):
             robot.restarts.add(action_id)  # what the robot does is unknown
@@ -344,22 +326,6 @@ def _continue_action(robot: RobotState, states: ActionStates, record: ActionReco
     else:
         result = "the agent was interrupted while the action was running"
         apply_report(robot, ActionReport(action_id, ActionStatus.FAILED, result))
-
-
-def _starts_after_pause(robot: RobotState, record: ActionRecord) -> bool:
-    """Return whether the action may start again, but only after the pause."""
-    waits = robot.held and not robot.clearing and record.scope is not ActionScope.INSTANT
-    return (
-        waits
-        and _declares_trait(robot, record, "restartable")
-        and _declares_trait(robot, record, "pause_allowed")
-    )
-
-
-def _load_problem(robot: RobotState, record: ActionRecord) -> str | None:
-    """Return why the load prevents the action, if it does: an earlier action may have failed."""
-    declaration = _declaration_of(robot, record)
-    return declaration.load_problem(loaded=bool(robot.loads)) if declaration else None
 
 
 def _end_edge_action(robot: RobotState, record: ActionRecord) -> None:
