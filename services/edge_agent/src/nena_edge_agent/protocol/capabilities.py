@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -131,19 +131,17 @@ def _unreachable_speed(edge: Edge, capabilities: Capabilities) -> bool:
     return limit == 0 or not capabilities.limits_speed
 
 
-def _unsupported_orientation(edge: Edge, _: Capabilities) -> bool:
-    return edge.orientation is not None and (
-        edge.orientation != 0 or edge.orientation_type is OrientationType.GLOBAL
-    )
-
-
 DEMANDS: dict[str, Callable[[Edge, Capabilities], bool]] = {
     SPEED: _unreachable_speed,
     "edges.maximumMobileRobotHeight": lambda edge, _: edge.maximum_mobile_robot_height is not None,
     "edges.minimumLoadHandlingDeviceHeight": lambda edge, _: (
         edge.minimum_load_handling_device_height is not None
     ),
-    "edges.orientation": _unsupported_orientation,
+    # The robot turns freely: 0 tangential is the direction of travel (7.3).
+    "edges.orientation": lambda edge, _: (
+        edge.orientation is not None
+        and (edge.orientation != 0 or edge.orientation_type is OrientationType.GLOBAL)
+    ),
     "edges.direction": lambda edge, _: bool(edge.direction),
     "edges.reachOrientationBeforeEntering": lambda edge, _: bool(edge.reach_orientation_before_entering),
     "edges.maximumRotationSpeed": lambda edge, _: edge.maximum_rotation_speed is not None,
@@ -190,12 +188,9 @@ def unsupported(order: Order, capabilities: Capabilities) -> tuple[str, Edge | N
     """
     if order.zone_set_id and ZONE_SET not in capabilities.tolerated_parameters:
         return ZONE_SET, None
-    return next(_first_unsupported(order, capabilities), None)
-
-
-def _first_unsupported(order: Order, capabilities: Capabilities) -> Iterator[tuple[str, Edge]]:
     demands = [demand for demand in DEMANDS.items() if demand[0] not in capabilities.tolerated_parameters]
     for edge in order.edges:
         for name, demanded in demands:
             if demanded(edge, capabilities):
-                yield name, edge
+                return name, edge
+    return None

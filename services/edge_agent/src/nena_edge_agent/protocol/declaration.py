@@ -49,16 +49,11 @@ def _read_number(text: str) -> float:
     return value
 
 
-def _read_integer(text: str) -> int:
-    if "_" in text:
-        raise ValueError(text)
-    return int(text)
-
-
 _FROM_TEXT: Final[Mapping[ValueDataType, Callable[[str], JsonValue]]] = MappingProxyType(
     {
         ValueDataType.NUMBER: _read_number,
-        ValueDataType.INTEGER: _read_integer,
+        # Python reads "1_000" as a number, fleet control does not mean one.
+        ValueDataType.INTEGER: lambda text: int(text.replace("_", "?")),
         ValueDataType.BOOL: lambda text: {"true": True, "false": False}[text.strip().lower()],
     }
 )
@@ -83,11 +78,17 @@ class Parameter:
         """
         if value is None or (value == [] and self.data_type is ValueDataType.ARRAY):
             return f"parameter '{self.key}' is missing" if self.required else None
-        if not _fits_type(value, self.data_type):
+        # A number must fit a float64 (7.1). A bool is no number, although Python's is an int.
+        fits = type(value) in _PYTHON_TYPES[self.data_type]
+        if not fits or (isinstance(value, int) and abs(value) > float_info.max):
             return f"parameter '{self.key}' must be of type {self.data_type}"
         if self.choices and value not in self.choices:
             return f"parameter '{self.key}' must be one of {self._list_choices}"
-        return self._range_problem(value)
+        if not isinstance(value, int | float):
+            return None
+        low = self.minimum is not None and value < self.minimum
+        high = self.maximum is not None and value > self.maximum
+        return f"parameter '{self.key}' must be {self._describe_range}" if low or high else None
 
     def read(self, value: JsonValue) -> JsonValue:
         """Convert a number or boolean that was sent as a string; return any other value unchanged.
@@ -120,13 +121,6 @@ class Parameter:
         least = "" if self.minimum is None else f"at least {self.minimum:g}"
         most = "" if self.maximum is None else f"at most {self.maximum:g}"
         return " and ".join(limit for limit in (least, most) if limit)
-
-    def _range_problem(self, value: JsonValue) -> str | None:
-        if not isinstance(value, int | float):
-            return None
-        low = self.minimum is not None and value < self.minimum
-        high = self.maximum is not None and value > self.maximum
-        return f"parameter '{self.key}' must be {self._describe_range}" if low or high else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +184,7 @@ class ActionDeclaration:
         if key is not None and action.action_type in STATION_ACTIONS:
             action = _with_device_key(action, key)
         return action.with_values(
-            lambda each: declared[each.key].read(each.value) if each.key in declared else each.value
+            lambda sent: declared[sent.key].read(sent.value) if sent.key in declared else sent.value
         )
 
     def load_problem(self, *, loaded: bool) -> str | None:
@@ -233,13 +227,6 @@ _PYTHON_TYPES: dict[ValueDataType, tuple[type, ...]] = {
     ValueDataType.OBJECT: (dict,),
     ValueDataType.ARRAY: (list,),
 }
-
-
-def _fits_type(value: JsonValue, data_type: ValueDataType) -> bool:
-    """Return whether ``value`` has the type; a number must fit a float64 (section 7.1)."""
-    if type(value) not in _PYTHON_TYPES[data_type]:
-        return False
-    return not isinstance(value, int) or abs(value) <= float_info.max
 
 
 CANCEL_ORDER = "cancelOrder"
@@ -291,22 +278,10 @@ def _wake_up_problem(action: Action) -> str | None:
 
 
 def _instant_action(
-    action_type: str, description: str, parameters: tuple[Parameter, ...] = ()
+    action_type: str, description: str, parameters: tuple[Parameter, ...] = (), *, on_nodes: bool = False
 ) -> ActionDeclaration:
-    return ActionDeclaration(
-        action_type, scopes=(ActionScope.INSTANT,), parameters=parameters, description=description
-    )
-
-
-def _instant_or_node(
-    action_type: str, description: str, parameters: tuple[Parameter, ...] = ()
-) -> ActionDeclaration:
-    return ActionDeclaration(
-        action_type,
-        scopes=(ActionScope.INSTANT, ActionScope.NODE),
-        parameters=parameters,
-        description=description,
-    )
+    scopes = (ActionScope.INSTANT, ActionScope.NODE) if on_nodes else (ActionScope.INSTANT,)
+    return ActionDeclaration(action_type, scopes=scopes, parameters=parameters, description=description)
 
 
 PREDEFINED: dict[str, ActionDeclaration] = {
@@ -322,9 +297,14 @@ PREDEFINED: dict[str, ActionDeclaration] = {
         _instant_action(STATE_REQUEST, "Requests a state message."),
         _instant_action(FACTSHEET_REQUEST, "Requests a factsheet message."),
         _instant_action(INITIALIZE_POSITION, "Sets the robot's pose in the localisation.", _POSITION),
-        _instant_or_node(CLEAR_INSTANT_ACTIONS, "Removes ended instant actions from the state."),
-        _instant_or_node(
-            ENABLE_ZONE_SET, "Enables a zone set and disables the other sets of its map.", _ZONE_SET
+        _instant_action(
+            CLEAR_INSTANT_ACTIONS, "Removes ended instant actions from the state.", on_nodes=True
+        ),
+        _instant_action(
+            ENABLE_ZONE_SET,
+            "Enables a zone set and disables the other sets of its map.",
+            _ZONE_SET,
+            on_nodes=True,
         ),
         _instant_action(DELETE_ZONE_SET, "Deletes a zone set that is not enabled.", _ZONE_SET),
         _instant_action(RETRY, "Starts a RETRIABLE action again.", _RETRIABLE_ACTION),

@@ -56,7 +56,9 @@ class ActiveErrors:
         # It moves to the end: the state lists errors in the order in which they were last reported.
         self._active.pop(key, None)
         while len(self._active) >= LIMIT:
-            del self._active[self._least_needed()]
+            # The oldest refusal goes first: errors that explain why the robot stops are kept longest.
+            refusals = (key for key, (_, until) in self._active.items() if until in REFUSED)
+            del self._active[next(refusals, next(iter(self._active)))]
         self._active[key] = (error, until)
         self._note_change()
 
@@ -73,38 +75,23 @@ class ActiveErrors:
         if self._active.pop(error_key(error), None):
             self._note_change()
 
-    @property
-    def stop_robot(self) -> bool:
-        """Return whether a reported error stops the robot (section 6.6.5.1)."""
-        return self.worst_reported in (ErrorLevel.CRITICAL, ErrorLevel.FATAL)
-
     def set_condition(self, kind: ErrorType | str, error: ErrorEntry | None) -> None:
         """Report ``error`` as the only one of its ``kind``; None withdraws it (section 6.6.5)."""
         if error is None and not self._active:
             return
-        if error is None or self._other_than(error):
-            old = [key for key in self._condition_keys if key[0] == kind]
-            for key in old:
+        outdated = [
+            key
+            for key, (_, until) in self._active.items()
+            if until is Until.CONDITION_OVER and key[0] == kind
+        ]
+        # As long as it has the same references, the error keeps its place in the state.
+        if error is None or outdated != [error_key(error)]:
+            for key in outdated:
                 del self._active[key]
-            if old:
+            if outdated:
                 self._note_change()
         if error is not None:
             self.report(error, Until.CONDITION_OVER)
-
-    def _other_than(self, error: ErrorEntry) -> bool:
-        return any(key[0] == error.error_type and key != error_key(error) for key in self._condition_keys)
-
-    @property
-    def _condition_keys(self) -> list[ErrorKey]:
-        return [key for key, (_, until) in self._active.items() if until is Until.CONDITION_OVER]
-
-    def _least_needed(self) -> ErrorKey:
-        """Return the key of the oldest refusal, otherwise of the oldest error.
-
-        Errors that explain why the robot stops are kept as long as possible.
-        """
-        refusals = (key for key, (_, until) in self._active.items() if until in REFUSED)
-        return next(refusals, next(iter(self._active)))
 
     def _note_change(self) -> None:
         self.revision += 1

@@ -148,10 +148,15 @@ def memory_of(robot: RobotState) -> Memory:
 
 def restored(memory: Memory, capabilities: Capabilities, path_of: PathOf | None = None) -> RobotState:
     """Return the state of a robot from its record; ``path_of`` as in ``OrderProgress``."""
+    progress = OrderProgress(path_of)
+    for name in ProgressMemory.model_fields:
+        setattr(progress, name, getattr(memory.progress, name))
+    progress.nodes, progress.edges = deque(memory.progress.nodes), deque(memory.progress.edges)
+    progress.describe_rest()
     robot = RobotState(
         capabilities,
         history=OrderHistory(memory.ended_orders, memory.last_order_header),
-        progress=_restored_progress(memory.progress, path_of),
+        progress=progress,
         known_instant_ids=dict.fromkeys(memory.known_instant_ids),
         clearing=memory.clearing,
         paused=memory.paused,
@@ -183,15 +188,6 @@ def restored(memory: Memory, capabilities: Capabilities, path_of: PathOf | None 
         and (record.status is ActionStatus.WAITING or robot.holds_for(record.action))
     )
     return robot
-
-
-def _restored_progress(memory: ProgressMemory, path_of: PathOf | None) -> OrderProgress:
-    progress = OrderProgress(path_of)
-    for name in ProgressMemory.model_fields:
-        setattr(progress, name, getattr(memory, name))
-    progress.nodes, progress.edges = deque(memory.nodes), deque(memory.edges)
-    progress.describe_rest()
-    return progress
 
 
 def _action_memory(record: ActionRecord) -> ActionMemory:

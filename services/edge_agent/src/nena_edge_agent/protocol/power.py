@@ -19,7 +19,7 @@ from nena_shared.vda5050.action import (
     ActionStatus,
     wake_up_time,
 )
-from nena_shared.vda5050.error import ErrorEntry, error
+from nena_shared.vda5050.error import error
 
 POWER_COMMAND_FAILED = "POWER_COMMAND_FAILED"
 STANDSTILL_TIMEOUT = 30.0
@@ -66,6 +66,7 @@ def shut_down(robot: RobotState, action: Action) -> str | None:
     if robot.power is PowerPhase.SHUTTING_DOWN:
         robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
         return None
+    # A hibernating robot must be woken before it is shut down (6.2.3).
     if robot.power is not PowerPhase.AWAKE:
         return "the robot is about to hibernate; send stopHibernation first"
     if robot.instant_actions_running > 1:
@@ -124,14 +125,14 @@ def advance(robot: RobotState) -> None:
     if robot.journal_problem and robot.power in (PowerPhase.FALLING_ASLEEP, PowerPhase.SIGNING_OFF):
         _stay_awake(robot, f"the journal cannot be written: {robot.journal_problem}")
     # The order ends as by cancelOrder before the robot hibernates (6.2.3).
-    if robot.power is PowerPhase.FALLING_ASLEEP and not robot.clearing and not robot.goal.moving:
-        _sign_off(robot)
-
-
-def _sign_off(robot: RobotState) -> None:
-    """Finish startHibernation, or fail it if something other than the order keeps the robot awake."""
-    problem = _motion_problem(robot) or _running_actions_problem(robot)
+    if robot.power is not PowerPhase.FALLING_ASLEEP or robot.clearing or robot.goal.moving:
+        return
+    # A running instant action keeps the robot awake: no state could report its end.
+    running = {record.action.action_type for record in robot.instant_actions if not record.status.ended}
+    others = ", ".join(sorted(running - {START_HIBERNATION}))
+    problem = _motion_problem(robot) or (f"instant actions are running ({others})" if others else None)
     if not problem:
+        # startHibernation is FINISHED in the last state, before the command runs (6.2.3).
         robot.end_instant_actions(START_HIBERNATION, ActionStatus.FINISHED)
         robot.power = PowerPhase.SIGNING_OFF
     elif robot.kept_awake_since is None:
@@ -147,13 +148,6 @@ def _motion_problem(robot: RobotState) -> str | None:
     return "the robot moves without an order" if robot.reports.velocity.moves else None
 
 
-def _running_actions_problem(robot: RobotState) -> str | None:
-    """Return which instant actions are running, if any: no state could report their end."""
-    running = {record.action.action_type for record in robot.instant_actions if not record.status.ended}
-    others = ", ".join(sorted(running - {START_HIBERNATION}))
-    return f"instant actions are running ({others})" if others else None
-
-
 def signed_off(robot: RobotState, _: events.SignedOff) -> None:
     """Hibernate or shut down after the last state, unless the robot was woken in the meantime."""
     if robot.power is PowerPhase.SIGNING_OFF:
@@ -166,7 +160,13 @@ def signed_off(robot: RobotState, _: events.SignedOff) -> None:
 def command_ended(robot: RobotState, event: events.PowerReport) -> None:
     """Handle the end of a power command; if it has failed, the robot is awake or wakes up."""
     if event.problem:
-        robot.errors.report(_failure_entry(event), Until.ORDER_ACCEPTED)
+        entry = error(
+            POWER_COMMAND_FAILED,
+            f"power.{event.command} failed, and the robot is awake: {event.problem}",
+            hint="the agent's log has the output of the command; correct it or the setting",
+            command=event.command,
+        )
+        robot.errors.report(entry, Until.ORDER_ACCEPTED)
     if event.command is events.PowerCommand.HIBERNATE and event.problem:
         _wake_robot(robot)
     if event.command is events.PowerCommand.WAKE and robot.power is PowerPhase.WAKING:
@@ -206,12 +206,3 @@ def _wake_robot(robot: RobotState) -> None:
 def _stay_awake(robot: RobotState, reason: str) -> None:
     robot.end_instant_actions(START_HIBERNATION, ActionStatus.FAILED, reason)
     robot.power, robot.wake_up_at = PowerPhase.AWAKE, None
-
-
-def _failure_entry(event: events.PowerReport) -> ErrorEntry:
-    return error(
-        POWER_COMMAND_FAILED,
-        f"power.{event.command} failed, and the robot is awake: {event.problem}",
-        hint="the agent's log has the output of the command; correct it or the setting",
-        command=event.command,
-    )

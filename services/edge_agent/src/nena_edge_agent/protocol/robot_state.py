@@ -57,11 +57,6 @@ class Reports:
     session: port.SessionReport | None = None
 
     @property
-    def unsafe(self) -> bool:
-        """Return whether an emergency stop or a field violation stops the robot (section 7.8)."""
-        return self.safety.field_violation or self.safety.emergency_stop is not EmergencyStop.NONE
-
-    @property
     def localized_pose(self) -> port.Pose | None:
         """Return the robot's pose, None if it is not localised."""
         return self.pose.pose if self.pose and self.pose.localized else None
@@ -127,11 +122,8 @@ class CurrentGoal:
         if self.path:
             self.own = port.OwnGoals(own.goal_ids, own.pose)
         else:
-            again = (
-                self.result_pending
-                and own.given is not None
-                and _position_of(own.given) == _position_of(pose)
-            )
+            given = own.given if self.result_pending else None
+            again = given and (given.x, given.y, given.map_id) == (pose.x, pose.y, pose.map_id)
             self.own = port.OwnGoals(own.goal_ids, own.pose, pose, own.behind if again else behind)
         self.pose, self.result_pending = pose, True
 
@@ -372,10 +364,13 @@ class RobotState:
     @property
     def idle(self) -> bool:
         """Return whether the robot is idle: nothing of the order is left to do (section 6.6.8)."""
+        # A robot at its decision point with a horizon left is not idle: it waits for an update. Instant
+        # actions do not count (6.6.8).
         return not self.progress.nodes and not self.progress.edges and self.actions.all_ended
 
     def is_in_horizon(self, record: ActionRecord) -> bool:
         """Return whether an action of the order is not released yet."""
+        # sequenceIds rise along the order, of nodes and edges alike (7.3).
         decision_point = self.progress.decision_point
         return decision_point is not None and record.sequence_id > decision_point[1]
 
@@ -410,6 +405,7 @@ class RobotState:
         if self.goal.moving or self.reports.goals.external:
             return False
         velocity = self.reports.velocity
+        # Without odometry only the driver's answer to a halt tells.
         return self.goal.stood if velocity.vx is None else not velocity.moves
 
     @property
@@ -459,12 +455,15 @@ class RobotState:
     @property
     def held(self) -> bool:
         """Return whether the robot must stop and pause its actions, for any reason."""
+        safety = self.reports.safety
         return (
             self.paused
             or self.reports.pause_button
-            or self.reports.unsafe
+            or safety.field_violation
+            or safety.emergency_stop is not EmergencyStop.NONE
             or self.operating_mode is OperatingMode.INTERVENED
-            or self.errors.stop_robot
+            # A CRITICAL error needs fleet control, a FATAL one a person; both stop the robot (6.6.5.1).
+            or self.errors.worst_reported in (ErrorLevel.CRITICAL, ErrorLevel.FATAL)
         )
 
     @property
@@ -484,7 +483,3 @@ class RobotState:
         """End all instant actions of one type that have not ended."""
         for action_id in self.running_instant_actions(action_type):
             self.instant_actions.change(action_id, status, result)
-
-
-def _position_of(pose: port.Pose) -> tuple[float, float, str]:
-    return pose.x, pose.y, pose.map_id

@@ -8,7 +8,7 @@ from functools import lru_cache
 from itertools import pairwise
 from math import dist
 
-from nena_edge_agent.driver.port import PlanReport, Pose
+from nena_edge_agent.driver.port import PlanReport
 from nena_edge_agent.protocol.geometry import distance
 from nena_edge_agent.protocol.robot_state import RobotState
 from nena_shared.vda5050.error import ErrorReference
@@ -41,6 +41,7 @@ def pose_changed(robot: RobotState) -> None:
     route, pose = robot.route, robot.reports.localized_pose
     if pose is None:
         return
+    # A stopped robot's pose jitters: without a threshold the distance would grow while it stands.
     step = distance(route.pose, pose) if route.pose else 0.0
     if route.pose is None or step >= JITTER:
         route.pose = pose
@@ -56,9 +57,12 @@ def advance(robot: RobotState) -> None:
     if progress.order_id != route.order_id:
         route.order_id, route.in_order, route.node = progress.order_id, 0.0, None
     if node != route.node:
+        first, route.node, route.since_node = route.node is None, node, 0.0
+        position = progress.last_node.node_position if progress.last_node else None
+        pose = robot.reports.localized_pose
         # After a restart the distance driven before is unknown: the straight one is the least.
-        first, route.node = route.node is None, node
-        route.since_node = _from_node(robot) if first else 0.0
+        if first and position and pose and not progress.on_last_node:
+            route.since_node = distance(position, pose)
         route.in_order += route.since_node
 
 
@@ -72,7 +76,16 @@ def to_goal(robot: RobotState) -> Distance | None:
     pose, goal = robot.reports.localized_pose, robot.goal.pose
     if robot.goal.target is None or goal is None or pose is None:
         return None
-    return Distance(robot.route.since_node, _left_to(robot, goal, pose))
+    plan, progress = current_plan(robot), robot.reports.progress
+    if plan:
+        here = (pose.x, pose.y)
+        nearest = min(range(len(plan.points)), key=lambda index: dist(plan.points[index], here))
+        rest = plan.points[nearest:]
+        left = sum(dist(start, end) for start, end in pairwise(rest)) + dist(here, rest[0])
+    else:
+        # Nav2's feedback has the distance left; drivers without one leave the straight line.
+        left = progress.left if progress and progress.left is not None else distance(pose, goal)
+    return Distance(robot.route.since_node, left)
 
 
 def to_end(robot: RobotState) -> Distance | None:
@@ -104,9 +117,10 @@ def information(robot: RobotState) -> tuple[Information, ...]:
     driven = {name: length for name, length in distances.items() if length}
     if not driven:
         return ()
-    references = [
-        reference for name, length in driven.items() for reference in _distance_references(name, length)
-    ]
+    references: list[ErrorReference] = []
+    for name, length in driven.items():
+        references.append(_error_reference(f"{name}DistanceLeft", f"{length.left:.2f}"))
+        references.append(_error_reference(f"{name}Percent", str(length.percent)))
     drive = robot.reports.progress
     if drive and drive.recoveries and robot.goal.target is not None:
         references.append(_error_reference("recoveries", str(drive.recoveries)))
@@ -142,38 +156,6 @@ def intermediate_path(robot: RobotState, start: datetime) -> IntermediatePath | 
         for (x, y), length in zip(plan.points, lengths, strict=True)
     )
     return IntermediatePath(polyline=tuple(points))
-
-
-def _left_to(robot: RobotState, goal: Pose, pose: Pose) -> float:
-    """Return the distance left to a goal: along the plan, else as navigation reports it, else straight."""
-    plan, progress = current_plan(robot), robot.reports.progress
-    if plan:
-        return _length_along(plan, pose)
-    return progress.left if progress and progress.left is not None else distance(pose, goal)
-
-
-def _from_node(robot: RobotState) -> float:
-    """Return the straight distance from the last node to a robot that has left it."""
-    progress, pose = robot.progress, robot.reports.localized_pose
-    position = progress.last_node.node_position if progress.last_node else None
-    if position is None or pose is None or progress.on_last_node:
-        return 0.0
-    return distance(position, pose)
-
-
-def _length_along(plan: PlanReport, pose: Pose) -> float:
-    """Return the length of ``plan`` that is left, from its point nearest to the robot."""
-    here = (pose.x, pose.y)
-    nearest = min(range(len(plan.points)), key=lambda index: dist(plan.points[index], here))
-    rest = plan.points[nearest:]
-    return sum(dist(start, end) for start, end in pairwise(rest)) + dist(here, rest[0])
-
-
-def _distance_references(name: str, found: Distance) -> tuple[ErrorReference, ErrorReference]:
-    return (
-        _error_reference(f"{name}DistanceLeft", f"{found.left:.2f}"),
-        _error_reference(f"{name}Percent", str(found.percent)),
-    )
 
 
 @lru_cache(maxsize=1024)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
-from nena_edge_agent.driver.port import BatteryReport, GoalReport, GoalTable
+from nena_edge_agent.driver.port import BatteryReport, GoalTable
 from nena_edge_agent.protocol import driving, route_progress
 from nena_edge_agent.protocol.conditions import collision_information, session_information
-from nena_edge_agent.protocol.events import SafetyReport
 from nena_edge_agent.protocol.geometry import turn
 from nena_edge_agent.protocol.robot_state import Reports, RobotState
 from nena_shared.vda5050.error import ErrorReference
@@ -37,7 +36,7 @@ DURABLE_FIELDS = (
 
 def make_state(header: dict[str, Any], robot: RobotState) -> State:
     """Return the state message (section 7.8); ``header`` has its header fields by their neutral names."""
-    progress = robot.progress
+    progress, safety = robot.progress, robot.reports.safety
     return State(
         **header,
         # Section 7.8; each version of VDA 5050 leaves out what it lacks.
@@ -71,7 +70,9 @@ def make_state(header: dict[str, Any], robot: RobotState) -> State:
             *session_information(robot.reports.session),
             *collision_information(robot),
         ),
-        safety_state=_safety_state(robot.reports.safety),
+        safety_state=SafetyState(
+            active_emergency_stop=safety.emergency_stop, field_violation=safety.field_violation
+        ),
     )
 
 
@@ -134,11 +135,6 @@ def velocity(reports: Reports) -> Velocity | None:
     return Velocity(vx=reports.velocity.vx, vy=0.0, omega=reports.velocity.omega)
 
 
-@lru_cache(maxsize=64)
-def _safety_state(safety: SafetyReport) -> SafetyState:
-    return SafetyState(active_emergency_stop=safety.emergency_stop, field_violation=safety.field_violation)
-
-
 @lru_cache(maxsize=1024)
 def _power_supply(battery: BatteryReport | None, *, charging: bool) -> PowerSupply:
     if battery is None:
@@ -153,6 +149,7 @@ def _power_supply(battery: BatteryReport | None, *, charging: bool) -> PowerSupp
 
 def _goal_information(table: GoalTable) -> tuple[Information, ...]:
     """Return an information entry for each goal of navigation, with its sender (section 6.6.4)."""
+    senders = {False: "this robot's agent", True: "another program"}
     return tuple(
         Information(
             info_type="externalGoal" if goal.external else "goal",
@@ -161,11 +158,7 @@ def _goal_information(table: GoalTable) -> tuple[Information, ...]:
                 ErrorReference(reference_key="goalId", reference_value=goal.goal_id),
                 ErrorReference(reference_key="status", reference_value=goal.status),
             ),
-            info_descriptor=f"a goal of {_describe_sender(goal)} is {goal.status}",
+            info_descriptor=f"a goal of {senders[goal.external]} is {goal.status}",
         )
         for goal in table.goals
     )
-
-
-def _describe_sender(goal: GoalReport) -> str:
-    return "another program" if goal.external else "this robot's agent"
