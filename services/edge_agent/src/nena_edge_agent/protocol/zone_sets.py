@@ -111,7 +111,18 @@ class ZoneSets:
             message = f"the robot can store {MAXIMUM_ZONE_SETS} zone sets of {MAXIMUM_ZONES} zones each"
             raise ZoneSetLimitError(message)
         for zone in zone_set.zones:
-            self._check_zone(zone)
+            if zone.zone_type not in self._supported:
+                message = (
+                    f"zone '{zone.zone_id}' is of type {zone.zone_type}, which the robot does not support"
+                )
+                raise ZoneSetRefusedError(message)
+            if len(zone.vertices) > MAXIMUM_VERTICES:
+                message = f"zone '{zone.zone_id}' has more than {MAXIMUM_VERTICES} vertices"
+                raise ZoneSetLimitError(message)
+            # A drawn contour may cross itself; then inside and outside would be undefined.
+            if not is_simple(_contour_of(zone)):
+                message = f"the contour of zone '{zone.zone_id}' crosses itself or has no area"
+                raise ZoneSetRefusedError(message)
         self._sets[zone_set.zone_set_id] = zone_set
         self._note_change()
 
@@ -147,17 +158,6 @@ class ZoneSets:
             message = f"the robot has no zone set '{zone_set_id}'"
             raise ZoneSetRefusedError(message)
         return self._sets[zone_set_id]
-
-    def _check_zone(self, zone: Zone) -> None:
-        if zone.zone_type not in self._supported:
-            message = f"zone '{zone.zone_id}' is of type {zone.zone_type}, which the robot does not support"
-            raise ZoneSetRefusedError(message)
-        if len(zone.vertices) > MAXIMUM_VERTICES:
-            message = f"zone '{zone.zone_id}' has more than {MAXIMUM_VERTICES} vertices"
-            raise ZoneSetLimitError(message)
-        if not is_simple(_contour_of(zone)):
-            message = f"the contour of zone '{zone.zone_id}' crosses itself or has no area"
-            raise ZoneSetRefusedError(message)
 
     def _is_enabled(self, zone_set: ZoneSet) -> bool:
         return self._enabled.get(zone_set.map_id) == zone_set.zone_set_id
@@ -259,13 +259,16 @@ class ZoneRequests:
 
         A response to a request that is no longer active is ignored.
         """
-        request = next((e for e in self._requests.values() if e.request_id == response.request_id), None)
+        request = next(
+            (active for active in self._requests.values() if active.request_id == response.request_id), None
+        )
         if request is None:
             return
         match response.grant_type:
             case GrantType.GRANTED:
                 self._put_request(request.with_status(RequestStatus.GRANTED, response.lease_expiry))
             case GrantType.REJECTED:
+                # A granted request can also be rejected: then the grant is revoked.
                 granted = request.status is not RequestStatus.REQUESTED
                 self._end_grant(request, RequestStatus.REVOKED, inside if granted else frozenset())
                 if request.key not in self._requests:

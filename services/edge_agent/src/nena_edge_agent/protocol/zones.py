@@ -53,7 +53,15 @@ def accept(robot: RobotState, zone_set: ZoneSet) -> str | None:
     try:
         robot.zone_sets.add(zone_set)
     except ZoneSetRefusedError as problem:
-        robot.errors.report(_refusal_entry(zone_set.zone_set_id, problem), Until.ZONE_SET_ACCEPTED)
+        entry = error(
+            _ERROR_TYPES.get(type(problem), ErrorType.VALIDATION_FAILURE),
+            str(problem),
+            hint="check the factsheet for the supported zones; send a changed zone set under another "
+            "zoneSetId",
+            topic="zoneSet",
+            zone_set_id=zone_set.zone_set_id,
+        )
+        robot.errors.report(entry, Until.ZONE_SET_ACCEPTED)
         return str(problem)
     robot.errors.end(Until.ZONE_SET_ACCEPTED)
     return None
@@ -117,16 +125,6 @@ def _result_of(change: Callable[[], None]) -> tuple[ActionStatus, str | None]:
     return ActionStatus.FINISHED, None
 
 
-def _refusal_entry(zone_set_id: str, problem: ZoneSetRefusedError) -> ErrorEntry:
-    return error(
-        _ERROR_TYPES.get(type(problem), ErrorType.VALIDATION_FAILURE),
-        str(problem),
-        hint="check the factsheet for the supported zones; send a changed zone set under another zoneSetId",
-        topic="zoneSet",
-        zone_set_id=zone_set_id,
-    )
-
-
 # Requests to enter RELEASE zones (sections 6.4.3 and 6.9)
 
 
@@ -153,37 +151,27 @@ def advance(robot: RobotState) -> None:
         return  # run once more after the last zone, to withdraw its errors and requests
     robot.zones_checked = relevant
     inside = _zones_inside(robot)
-    _update_requests(robot, inside)
-    robot.errors.set_condition(ErrorType.BLOCKED_ZONE_VIOLATION, _violation_entry(inside))
-    robot.errors.set_condition(ErrorType.RELEASE_LOST, _lost_release(robot, inside))
-    robot.errors.set_condition(ErrorType.RELEASE_LOSS_HANDLING, _handled_loss(robot, inside))
-    robot.errors.set_condition(ErrorType.NODE_UNREACHABLE, _closed_path(robot))
-    robot.errors.set_condition(NOT_AVOIDED, _not_avoided(robot))
-
-
-def _update_requests(robot: RobotState, inside: list[EnabledZone]) -> None:
+    pose = robot.reports.localized_pose
+    # A person who takes over, or the end of the order, ends all requests (6.6.6, 6.6.7).
     if not robot.operating_mode.fleet_controls or robot.progress.cleared:
         robot.zone_requests.keep_only(frozenset())
-        return
-    if robot.reports.localized_pose is None:
-        return  # the robot may be in any of them
-    # A zone that the robot is in stays requested, also when the path leads elsewhere (6.4.3).
-    wanted, kept = _release_zones_ahead(robot), _release_keys(inside)
-    robot.zone_requests.keep_only(_release_keys(wanted) | kept, kept)
-    if not robot.clearing:
-        robot.zone_requests.request(wanted, robot.now)
-
-
-def _release_zones_ahead(robot: RobotState) -> list[EnabledZone]:
-    """Return the RELEASE zones on the next edges of the base."""
-    start: Pose | NodePosition | None = robot.reports.localized_pose
-    release_zones: list[EnabledZone] = []
-    for index, node in enumerate(islice(robot.progress.nodes, EDGES_AHEAD)):
-        if not node.released or start is None or node.node_position is None:
-            break
-        release_zones += _of_type(_on_path(robot, start, node.node_position, index), ZoneType.RELEASE)
-        start = node.node_position
-    return release_zones
+    elif pose is not None:  # else the robot may be in any of them
+        start: Pose | NodePosition = pose
+        wanted: list[EnabledZone] = []
+        for index, node in enumerate(islice(robot.progress.nodes, EDGES_AHEAD)):
+            if not node.released or node.node_position is None:
+                break
+            wanted += _of_type(_on_path(robot, start, node.node_position, index), ZoneType.RELEASE)
+            start = node.node_position
+        # A zone that the robot is in stays requested, also when the path leads elsewhere (6.4.3).
+        kept = _release_keys(inside)
+        robot.zone_requests.keep_only(_release_keys(wanted) | kept, kept)
+        if not robot.clearing:
+            robot.zone_requests.request(wanted, robot.now)
+    for kind, entry in _errors_inside(robot, inside).items():
+        robot.errors.set_condition(kind, entry)
+    robot.errors.set_condition(ErrorType.NODE_UNREACHABLE, _closed_path(robot))
+    robot.errors.set_condition(NOT_AVOIDED, _not_avoided(robot))
 
 
 # Effects on driving (section 6.4)
@@ -247,21 +235,15 @@ def _on_path_while_braking(robot: RobotState, pose: Pose, end: NodePosition) -> 
     """Return the zones on the path within the braking distance."""
     path = edge_paths.path_of_edge(robot)
     if not path:
-        return _on_path(robot, pose, _braking_point(robot, pose, end))
+        length = distance(pose, end)
+        share = min(1.0, robot.capabilities.braking_distance / length) if length else 1.0
+        x, y = pose.x + share * (end.x - pose.x), pose.y + share * (end.y - pose.y)
+        return _on_path(robot, pose, NodePosition(x=x, y=y, map_id=end.map_id))
     path = edge_paths.first_part(
         edge_paths.remaining(path, (pose.x, pose.y)), robot.capabilities.braking_distance
     )
     area = robot.capabilities.footprint.along_corners(edge_paths.corners(path))
     return zones_in(area, end.map_id, robot.zone_sets.enabled)
-
-
-def _braking_point(robot: RobotState, pose: Pose, end: NodePosition) -> NodePosition:
-    """Return the point on the way to ``end`` where the braking distance ends."""
-    length = distance(pose, end)
-    share = min(1.0, robot.capabilities.braking_distance / length) if length else 1.0
-    return NodePosition(
-        x=pose.x + share * (end.x - pose.x), y=pose.y + share * (end.y - pose.y), map_id=end.map_id
-    )
 
 
 def _on_path(
@@ -308,50 +290,52 @@ def _may_continue(robot: RobotState, zone: EnabledZone) -> bool:
         case ZoneReleaseLossBehavior.CONTINUE:
             return True
         case ZoneReleaseLossBehavior.EVACUATE:
-            return _leaves_zone(robot, zone)
-        case _:
+            # Driving on evacuates the zone only if the base ends outside it.
+            base = [node.node_position for node in robot.progress.nodes if node.released]
+            end = base[-1] if base else None
+            if end is None:
+                return False
+            pose = Pose(end.x, end.y, end.theta or 0.0, end.map_id)
+            return not zones_in(robot.capabilities.footprint.at(pose), end.map_id, (zone,))
+        case _:  # STOP, which is also the default (6.4.3)
             return False
 
 
-def _leaves_zone(robot: RobotState, zone: EnabledZone) -> bool:
-    """Return whether the base ends outside ``zone``, so that driving on evacuates it."""
-    base = [node.node_position for node in robot.progress.nodes if node.released]
-    end = base[-1] if base else None
-    if end is None:
-        return False
-    pose = Pose(end.x, end.y, end.theta or 0.0, end.map_id)
-    return not zones_in(robot.capabilities.footprint.at(pose), end.map_id, (zone,))
-
-
-def _lost_release(robot: RobotState, inside: list[EnabledZone]) -> ErrorEntry | None:
-    lost = (zone_left for zone_left in inside if robot.zone_requests.status(zone_left.key) in LOST)
-    zone = next((lost_zone for lost_zone in lost if not _may_continue(robot, lost_zone)), None)
-    if zone is None:
-        return None
-    return error(
-        ErrorType.RELEASE_LOST,
-        f"the robot stopped in zone '{zone.zone.zone_id}': its release was lost",
-        hint="grant the request again, or cancel the order and move the robot out by hand",
-        zone_id=zone.zone.zone_id,
-    )
-
-
-def _handled_loss(robot: RobotState, inside: list[EnabledZone]) -> ErrorEntry | None:
-    """Report that the robot drives in a zone whose release was lost, if releaseLossBehavior allows it."""
-    if not robot.progress.nodes:
-        return None
-    lost = (zone_left for zone_left in inside if robot.zone_requests.status(zone_left.key) in LOST)
-    zone = next((lost_zone for lost_zone in lost if _may_continue(robot, lost_zone)), None)
-    if zone is None:
-        return None
-    evacuates = zone.zone.release_loss_behavior is ZoneReleaseLossBehavior.EVACUATE
-    how = "leaves" if evacuates else "drives on in"
-    return error(
-        ErrorType.RELEASE_LOSS_HANDLING,
-        f"the robot {how} zone '{zone.zone.zone_id}': its release was lost",
-        hint="keep the zone free until the robot has left it, or grant the request again",
-        zone_id=zone.zone.zone_id,
-    )
+def _errors_inside(robot: RobotState, inside: list[EnabledZone]) -> dict[ErrorType, ErrorEntry | None]:
+    """Report zones that the robot is in and should not be in (sections 6.4 and 6.4.3)."""
+    violation = lost = handled = None
+    if blocked := _blocked_zones(inside):
+        violation = error(
+            ErrorType.BLOCKED_ZONE_VIOLATION,
+            f"the robot is in zone '{blocked[0].zone.zone_id}', which is BLOCKED, and does not drive",
+            hint="move the robot out by hand, or enable another zone set",
+            zone_id=blocked[0].zone.zone_id,
+        )
+    for zone in inside:
+        zone_id = zone.zone.zone_id
+        if robot.zone_requests.status(zone.key) not in LOST:
+            continue
+        if not _may_continue(robot, zone):
+            lost = lost or error(
+                ErrorType.RELEASE_LOST,
+                f"the robot stopped in zone '{zone_id}': its release was lost",
+                hint="grant the request again, or cancel the order and move the robot out by hand",
+                zone_id=zone_id,
+            )
+        elif robot.progress.nodes:  # else it does not drive
+            evacuates = zone.zone.release_loss_behavior is ZoneReleaseLossBehavior.EVACUATE
+            how = "leaves" if evacuates else "drives on in"
+            handled = handled or error(
+                ErrorType.RELEASE_LOSS_HANDLING,
+                f"the robot {how} zone '{zone_id}': its release was lost",
+                hint="keep the zone free until the robot has left it, or grant the request again",
+                zone_id=zone_id,
+            )
+    return {
+        ErrorType.BLOCKED_ZONE_VIOLATION: violation,
+        ErrorType.RELEASE_LOST: lost,
+        ErrorType.RELEASE_LOSS_HANDLING: handled,
+    }
 
 
 def _closed_path(robot: RobotState) -> ErrorEntry | None:
@@ -382,18 +366,6 @@ def _not_avoided(robot: RobotState) -> ErrorEntry | None:
         f"the robot does not drive, because navigation would enter BLOCKED zones: {answer.problem}",
         hint="correct Nav2's parameters and restart it, or enable a zone set without BLOCKED zones",
     ).with_level(ErrorLevel.CRITICAL)
-
-
-def _violation_entry(inside: list[EnabledZone]) -> ErrorEntry | None:
-    zone = next(iter(_blocked_zones(inside)), None)
-    if zone is None:
-        return None
-    return error(
-        ErrorType.BLOCKED_ZONE_VIOLATION,
-        f"the robot is in zone '{zone.zone.zone_id}', which is BLOCKED, and does not drive",
-        hint="move the robot out by hand, or enable another zone set",
-        zone_id=zone.zone.zone_id,
-    )
 
 
 def _release_keys(zones: list[EnabledZone]) -> frozenset[ZoneKey]:
