@@ -135,7 +135,7 @@ def test_a_corridor_without_a_trajectory_is_driven_along_its_centre() -> None:
 def test_a_trajectory_that_misses_its_nodes_is_refused(
     fields: dict[str, object], kind: ErrorType, said: str
 ) -> None:
-    found = edge_paths.fault(edge(arc(**fields)), at(0, 0), at(10, 10), ROBOT)
+    found = edge_paths.edge_fault(edge(arc(**fields)), at(0, 0), at(10, 10), ROBOT)
     assert found is not None
     assert found.kind is kind
     assert said in found.text
@@ -143,13 +143,13 @@ def test_a_trajectory_that_misses_its_nodes_is_refused(
 
 def test_a_trajectory_that_is_too_expensive_is_refused_at_once() -> None:
     many = Trajectory(control_points=tuple(ControlPoint(x=i / 5000, y=0) for i in range(10_002)))
-    found = edge_paths.fault(edge(many), at(0, 0), at(2, 0), ROBOT)
+    found = edge_paths.edge_fault(edge(many), at(0, 0), at(2, 0), ROBOT)
     assert found is not None
     assert found.kind is ErrorType.INSUFFICIENT_MEMORY
 
 
 def test_a_corridor_without_trajectory_requires_the_position_of_its_start() -> None:
-    found = edge_paths.fault(edge(corridor=narrow(1, 1)), None, at(1, 0), ROBOT)
+    found = edge_paths.edge_fault(edge(corridor=narrow(1, 1)), None, at(1, 0), ROBOT)
     assert found is not None
     assert found.kind is ErrorType.VALIDATION_FAILURE
     assert edge_paths.path_between(edge(corridor=narrow(1, 1)), None, at(1, 0)) == ()
@@ -170,7 +170,7 @@ def roundabout(radius: float, angle: float) -> Trajectory:
 def returns(drawn: Trajectory, tolerance: float | None) -> bool:
     """Return whether a trajectory is refused because it passes its own end."""
     first, last = drawn.control_points[0], drawn.control_points[-1]
-    found = edge_paths.fault(edge(drawn), at(first.x, first.y), at(last.x, last.y), ROBOT, tolerance)
+    found = edge_paths.edge_fault(edge(drawn), at(first.x, first.y), at(last.x, last.y), ROBOT, tolerance)
     assert found is None or found.kind is ErrorType.UNSUPPORTED_PARAMETER
     return found is not None
 
@@ -196,7 +196,7 @@ def test_the_tolerance_decides_whether_a_path_returns_to_its_end(
 def test_an_approach_to_the_end_is_not_a_loop(drawn: Trajectory) -> None:
     first, last = drawn.control_points[0], drawn.control_points[-1]
     path = edge_paths.path_between(edge(drawn), at(first.x, first.y), at(last.x, last.y))
-    found = edge_paths.fault(edge(drawn), at(first.x, first.y), at(last.x, last.y), ROBOT, 0.25)
+    found = edge_paths.edge_fault(edge(drawn), at(first.x, first.y), at(last.x, last.y), ROBOT, 0.25)
     around = [dist(each, path[-1]) for each in path]
     steps = (dist(a, b) for a, b in pairwise(reversed(path)))
     lengths = reversed([*accumulate(steps, initial=0.0)])
@@ -222,7 +222,7 @@ CONTOUR = CorridorReferencePoint.CONTOUR
     ],
 )
 def test_a_path_stays_inside_of_its_corridor_or_is_refused(corridor: Corridor, *, fits: bool) -> None:
-    found = edge_paths.fault(edge(arc(), corridor), at(0, 0), at(10, 10), ROBOT)
+    found = edge_paths.edge_fault(edge(arc(), corridor), at(0, 0), at(10, 10), ROBOT)
     assert (found is None) is fits
     if found is not None:
         assert found.kind is ErrorType.NO_ROUTE_TO_TARGET

@@ -19,7 +19,7 @@ from nena_edge_agent.protocol.geometry import (
     is_same_position,
     is_simple,
     is_within_deviation,
-    overlap,
+    polygons_overlap,
     radius,
     rectangle,
     turn,
@@ -60,20 +60,20 @@ def test_points_inside_a_polygon(point: Point, *, inside: bool) -> None:
     [((3.0, 3.0), True), ((5.0, 0.0), False), ((4.0, 0.0), True), ((4.0, 4.0), True), ((0.0, 0.0), True)],
 )
 def test_intersecting_squares(by: Point, *, meets: bool) -> None:
-    assert overlap(SQUARE, moved(SQUARE, by)) is meets
+    assert polygons_overlap(SQUARE, moved(SQUARE, by)) is meets
 
 
 def test_a_polygon_inside_another_overlaps_it() -> None:
     small = moved(tuple((x / 8, y / 8) for x, y in SQUARE), (1.0, 1.0))
 
-    assert overlap(SQUARE, small)
-    assert overlap(small, SQUARE)
+    assert polygons_overlap(SQUARE, small)
+    assert polygons_overlap(small, SQUARE)
 
 
 def test_a_polygon_in_the_gap_of_another_does_not_overlap_it() -> None:
     post: Polygon = ((4.0, 5.0), (5.0, 5.0), (5.0, 6.0), (4.0, 6.0))
 
-    assert not overlap(HORSESHOE, post)
+    assert not polygons_overlap(HORSESHOE, post)
     assert boxes_intersect(bounding_box(HORSESHOE), bounding_box(post))
 
 
@@ -84,8 +84,8 @@ def test_overlap_agrees_with_the_distance_between_upright_boxes(
     one = moved(((0.0, 0.0), (width, 0.0), (width, height), (0.0, height)), place)
     two = moved(SQUARE, other)
 
-    assert overlap(one, two) is boxes_intersect(bounding_box(one), bounding_box(two))
-    assert overlap(one, two) is overlap(two, one)
+    assert polygons_overlap(one, two) is boxes_intersect(bounding_box(one), bounding_box(two))
+    assert polygons_overlap(one, two) is polygons_overlap(two, one)
 
 
 @given(points, points, st.floats(-pi, pi))

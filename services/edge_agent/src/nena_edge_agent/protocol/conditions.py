@@ -155,22 +155,22 @@ def _navigation_error(robot: RobotState) -> ErrorEntry | None:
 
 def _movement_errors(robot: RobotState) -> dict[str, ErrorEntry | None]:
     """Report a robot that moves, or may move, without being told to: a person must stop it."""
-    not_stopped = adrift = None
+    errors: dict[str, ErrorEntry | None] = dict.fromkeys((ROBOT_NOT_STOPPED, MOVES_WITHOUT_ORDER))
     if problem := robot.goal.halt_problem:
-        not_stopped = error(
+        errors[ROBOT_NOT_STOPPED] = error(
             ROBOT_NOT_STOPPED,
             f"the robot was told to stop, but its standstill is not confirmed: {problem}",
             hint="stop the robot at its emergency stop, then check Nav2 and the odometry on the robot",
         ).with_level(ErrorLevel.FATAL)
     if driving.is_adrift(robot):
-        adrift = error(
+        errors[MOVES_WITHOUT_ORDER] = error(
             MOVES_WITHOUT_ORDER,
             "the robot moves, but it has no goal: neither its order nor another program's goal drives it",
             hint="stop it at its emergency stop, then check the robot's base and Nav2's controller; if a "
             "person drives it, set its mode to MANUAL first; if it stands and its odometry drifts, raise "
             "ros.goals.standstill_noise",
         ).with_level(ErrorLevel.FATAL)
-    return {ROBOT_NOT_STOPPED: not_stopped, MOVES_WITHOUT_ORDER: adrift}
+    return errors
 
 
 def _drive_errors(robot: RobotState) -> dict[str, ErrorEntry | None]:
@@ -223,10 +223,8 @@ def _deviation_error(robot: RobotState) -> ErrorEntry | None:
         position = node.node_position
         if position is None:
             continue
-        xy, theta = (
-            radius(position, capabilities.default_deviation_xy),
-            position.allowed_deviation_theta or capabilities.default_deviation_theta,
-        )
+        xy = radius(position, capabilities.default_deviation_xy)
+        theta = position.allowed_deviation_theta or capabilities.default_deviation_theta
         least_theta = limits.theta_tolerance
         if xy < limits.tolerance:
             text = f"{xy:g} m, but Nav2's goal tolerance is {limits.tolerance:g} m"
@@ -264,36 +262,38 @@ def _external_goal(robot: RobotState) -> ErrorEntry | None:
 
 def _agent_errors(robot: RobotState) -> dict[str, ErrorEntry | None]:
     """Report what keeps the agent itself from doing its work."""
-    journal = subscriptions = plugins = instant_actions = None
+    errors: dict[str, ErrorEntry | None] = dict.fromkeys(
+        (
+            JOURNAL_NOT_WRITTEN,
+            SUBSCRIPTION_REFUSED,
+            ACTION_PLUGIN_UNUSABLE,
+            ErrorType.INSTANT_ACTION_STATES_FULL,
+        )
+    )
     if robot.journal_problem:
-        journal = error(
+        errors[JOURNAL_NOT_WRITTEN] = error(
             JOURNAL_NOT_WRITTEN,
             f"the journal cannot be written: {robot.journal_problem}",
             hint="fix the agent's disk; until then no action starts, no order is accepted, and the state "
             "shows what is on the disk",
         ).with_level(ErrorLevel.FATAL)
     if robot.refused_topics:
-        subscriptions = error(
+        errors[SUBSCRIPTION_REFUSED] = error(
             SUBSCRIPTION_REFUSED,
             f"the broker refuses the robot's subscriptions: {', '.join(robot.refused_topics)}",
             hint="allow the robot to subscribe to its own topics in the broker's access list",
         ).with_level(ErrorLevel.URGENT)
     if robot.plugin_problems:
-        plugins = error(
+        errors[ACTION_PLUGIN_UNUSABLE] = error(
             ACTION_PLUGIN_UNUSABLE,
             f"actions are missing: {'; '.join(robot.plugin_problems)}",
             hint="fix the plug-in, or list the wanted ones in actions.plugins, and restart the agent",
         )
     # The core's own instant actions still start: fleet control can cancel and pause.
     if robot.instant_actions_running >= INSTANT_ACTION_LIMIT:
-        instant_actions = error(
+        errors[ErrorType.INSTANT_ACTION_STATES_FULL] = error(
             ErrorType.INSTANT_ACTION_STATES_FULL,
             f"{INSTANT_ACTION_LIMIT} instant actions are running; the robot starts no more",
             hint="wait until some of them have ended",
         )
-    return {
-        JOURNAL_NOT_WRITTEN: journal,
-        SUBSCRIPTION_REFUSED: subscriptions,
-        ACTION_PLUGIN_UNUSABLE: plugins,
-        ErrorType.INSTANT_ACTION_STATES_FULL: instant_actions,
-    }
+    return errors

@@ -146,7 +146,7 @@ def failed(robot: RobotState, event: port.DriveFailed) -> None:
     """
     if not robot.goal.is_current(event.generation):
         return
-    robot.goal.settle()
+    robot.goal.record_end()
     # the controller may drive on without the navigator, or the base without the controller (Nav2 aborts with
     # code 0 when controller_server dies, and a base without a command time-out keeps its last speed)
     robot.request_halt()
@@ -168,7 +168,7 @@ def halted(robot: RobotState) -> None:
     robot.goal.halting_since, robot.goal.halt_problem = None, ""
     robot.goal.stood = not robot.reports.goals.external
     robot.goal.target, robot.goal.path = None, ()
-    robot.goal.settle()
+    robot.goal.record_end()
 
 
 def halt_failed(robot: RobotState, description: str) -> None:
@@ -321,7 +321,7 @@ def _send_goal(robot: RobotState, node: Node, position: NodePosition, pose: port
     drive = _make_goal(robot, position, pose)
     robot.reports.progress = None  # belongs to the goal before
     listed = robot.reports.goals.goals
-    goal.give(drive.pose, listed[-1].goal_id if listed else "")
+    goal.record_sent(drive.pose, listed[-1].goal_id if listed else "")
     robot.effects.append(Drive(drive))
 
 
@@ -358,7 +358,7 @@ def _behavior_tree(edge: Edge) -> str:
 
 def _traverse_node(robot: RobotState) -> None:
     robot.goal.target = None
-    robot.goal.settle()
+    robot.goal.record_end()
     robot.goal.forget_failures()
     node, edge = robot.progress.traverse()
     # A node counts as traversed within its deviation (6.6.2), so the robot may still be on the edge: its

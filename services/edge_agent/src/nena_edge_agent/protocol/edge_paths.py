@@ -59,7 +59,7 @@ def follows(edge: Edge, capabilities: Capabilities) -> bool:
     return capabilities.follows_paths and (edge.trajectory is not None or edge.corridor is not None)
 
 
-def fault(
+def edge_fault(
     edge: Edge,
     start: NodePosition | None,
     end: NodePosition | None,
@@ -84,11 +84,11 @@ def fault(
         return problem  # before the path is computed: it may be huge
     path = path_between(edge, start, end)
     # Controllers finish as soon as the robot is near the end, and so would skip a loop back to it.
-    left, tolerance = 0.0, tolerance or DEFAULT_TOLERANCE
-    for farther, before in pairwise(reversed(path) if edge.trajectory else ()):
+    left, near = 0.0, tolerance or DEFAULT_TOLERANCE
+    for farther, before in pairwise(path[::-1] if edge.trajectory else ()):
         left += dist(before, farther)
         away = dist(before, path[-1])
-        if away <= tolerance and left > tolerance + DETOUR:
+        if away <= near and left > near + DETOUR:
             text = f"its trajectory passes {away:.2f} m from its end, {left:.1f} m before it ends"
             return Fault(ErrorType.UNSUPPORTED_PARAMETER, text, "divide the edge with a node halfway")
     corridor = edge.corridor

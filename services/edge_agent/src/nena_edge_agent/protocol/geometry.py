@@ -60,7 +60,7 @@ def boxes_intersect(one: BoundingBox, other: BoundingBox) -> bool:
     return one[0] <= other[2] and other[0] <= one[2] and one[1] <= other[3] and other[1] <= one[3]
 
 
-def overlap(one: Polygon, other: Polygon) -> bool:
+def polygons_overlap(one: Polygon, other: Polygon) -> bool:
     """Return whether two polygons intersect."""
     return (
         any(_segments_cross(*side, *cut) for side in _sides_of(one) for cut in _sides_of(other))

@@ -64,7 +64,7 @@ FLEET_CONTROL = "FLEET_CONTROL"
 
 def receive(robot: RobotState, message: InstantActions) -> None:
     """Start or refuse each action; one that was received before is ignored (section 6.2.1)."""
-    refusal = None
+    refusal: tuple[ErrorType, str, str] | None = None
     if len(message.actions) > MESSAGE_LIMIT:
         text = f"the message has {len(message.actions)} instant actions, the robot accepts {MESSAGE_LIMIT}"
         refusal = ErrorType.INSUFFICIENT_MEMORY, text, "send them in parts"

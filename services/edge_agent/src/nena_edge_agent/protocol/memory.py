@@ -146,7 +146,7 @@ def memory_of(robot: RobotState) -> Memory:
     )
 
 
-def restored(memory: Memory, capabilities: Capabilities, path_of: PathOf | None = None) -> RobotState:
+def restore_robot(memory: Memory, capabilities: Capabilities, path_of: PathOf | None = None) -> RobotState:
     """Return the state of a robot from its record; ``path_of`` as in ``OrderProgress``."""
     progress = OrderProgress(path_of)
     for name in ProgressMemory.model_fields:

@@ -91,7 +91,7 @@ def _path_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
         if not edge_paths.follows(edge, robot.capabilities):
             continue
         ends = start.node_position, node.node_position
-        fault = edge_paths.fault(edge, *ends, robot.capabilities.footprint, tolerance)
+        fault = edge_paths.edge_fault(edge, *ends, robot.capabilities.footprint, tolerance)
         if fault is not None:
             text = f"edge '{edge.edge_id}': {fault.text}"
             return refusal(fault.kind, order, text, hint=fault.hint, edge_id=edge.edge_id)
@@ -338,7 +338,7 @@ class Acceptance(Enum):
     """It was accepted before (section 6.1.4.5)."""
 
 
-def decide(order: Order, robot: RobotState, *, dated: bool = True) -> Acceptance | ErrorEntry:
+def decide_acceptance(order: Order, robot: RobotState, *, dated: bool = True) -> Acceptance | ErrorEntry:
     """Accept ``order``, or reject it with an error (section 6.1.2, figure 8).
 
     ``dated``: its timestamp is readable.
@@ -417,7 +417,8 @@ def _new_order_fault(order: Order, robot: RobotState, *, dated: bool) -> ErrorEn
 
 def _beginning_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
     """Check A2: the message is the order's first one, not an update whose order was lost."""
-    update_id, first, node_id = order.order_update_id, order.nodes[0].sequence_id, None
+    update_id, first = order.order_update_id, order.nodes[0].sequence_id
+    node_id: str | None = None
     if update_id != 0 and robot.capabilities.rules.first_update_id_is_zero:
         text = f"a new order begins with orderUpdateId 0, not {update_id}"
     elif first != 0:

@@ -10,7 +10,7 @@ from nena_edge_agent.protocol.declaration import CANCEL_ORDER
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import OperatingModeSwitched
 from nena_edge_agent.protocol.geometry import is_within_deviation
-from nena_edge_agent.protocol.order_acceptance import Acceptance, decide
+from nena_edge_agent.protocol.order_acceptance import Acceptance, decide_acceptance
 from nena_edge_agent.protocol.robot_state import RobotState
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
@@ -33,7 +33,7 @@ def receive(robot: RobotState, order: Order, *, dated: bool = True) -> None:
     # It was accepted but is not on disk yet, so that no state reports it: fleet control sends it again.
     if robot.journal_problem and held == (order.order_id, order.order_update_id):
         return
-    decision = decide(order, robot, dated=dated)
+    decision = decide_acceptance(order, robot, dated=dated)
     # Also a refused message shows that a newer order service commands the robot.
     robot.history.begin_epoch(order.nena_epoch, robot.utc_now)
     if isinstance(decision, ErrorEntry):

@@ -24,7 +24,7 @@ from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.conditions import check_conditions
 from nena_edge_agent.protocol.declaration import CANCEL_ORDER, INITIALIZE_POSITION, START_PAUSE
 from nena_edge_agent.protocol.errors import Until
-from nena_edge_agent.protocol.memory import Memory, memory_of, restored
+from nena_edge_agent.protocol.memory import Memory, memory_of, restore_robot
 from nena_edge_agent.protocol.order_progress import OrderProgress
 from nena_edge_agent.protocol.robot_state import PowerPhase, RobotState
 from nena_edge_agent.protocol.state import make_state, make_visualization
@@ -53,7 +53,7 @@ class RobotCore:
         if capabilities.follows_paths:
             path_of = partial(edge_paths.planned_corners, capabilities=capabilities)
         if memory:
-            self._robot = restored(memory, capabilities, path_of)
+            self._robot = restore_robot(memory, capabilities, path_of)
         else:
             self._robot = RobotState(capabilities, OrderProgress(path_of))
         self._shown = self._visible_values()
@@ -252,7 +252,7 @@ def _apply_event(robot: RobotState, event: events.Event) -> None:  # noqa: C901,
             instant_actions.position_initialized(robot, event)
         case port.GoalTable():
             robot.reports.goals = event
-            robot.goal.listed(event.own)
+            robot.goal.record_listed(event.own)
             robot.goal.stood = robot.goal.stood and not event.external
         case port.SessionReport():
             robot.reports.session = event

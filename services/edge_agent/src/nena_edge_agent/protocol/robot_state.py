@@ -102,7 +102,7 @@ class CurrentGoal:
     listed_ids: tuple[str, ...] = ()
     result_pending: bool = False
 
-    def listed(self, goal_ids: tuple[str, ...]) -> None:
+    def record_listed(self, goal_ids: tuple[str, ...]) -> None:
         """Record which own goals navigation lists; a new one is the goal that was sent last."""
         own, self.listed_ids = self.own, goal_ids
         if not goal_ids:
@@ -112,7 +112,7 @@ class CurrentGoal:
         else:
             self.own = port.OwnGoals(goal_ids, self.pose) if self.pose else None
 
-    def give(self, pose: port.Pose, behind: str) -> None:
+    def record_sent(self, pose: port.Pose, behind: str) -> None:
         """Record that a goal to ``pose`` is about to be sent; ``behind`` is the last goal listed before that.
 
         If an earlier run has already sent it, it is listed after the goal that was the last one then. A goal
@@ -127,7 +127,7 @@ class CurrentGoal:
             self.own = port.OwnGoals(own.goal_ids, own.pose, pose, own.behind if again else behind)
         self.pose, self.result_pending = pose, True
 
-    def settle(self) -> None:
+    def record_end(self) -> None:
         """Record the end of the drive; goals that navigation still lists remain own goals."""
         self.result_pending = False
         if self.own:

@@ -13,7 +13,7 @@ from nena_edge_agent.protocol.geometry import (
     bounding_box,
     boxes_intersect,
     is_simple,
-    overlap,
+    polygons_overlap,
 )
 from nena_shared.vda5050.request import RequestStatus, ZoneRequest, ZoneRequestType
 from nena_shared.vda5050.responses import GrantType, Response
@@ -32,7 +32,7 @@ def zones_in(area: Iterable[Polygon], map_id: str, zones: Iterable[EnabledZone])
         for enabled in zones
         if enabled.map_id == map_id
         and any(
-            boxes_intersect(box, enabled.bounding_box) and overlap(part, enabled.contour)
+            boxes_intersect(box, enabled.bounding_box) and polygons_overlap(part, enabled.contour)
             for part, box in parts
         )
     ]

@@ -303,7 +303,9 @@ def _may_continue(robot: RobotState, zone: EnabledZone) -> bool:
 
 def _errors_inside(robot: RobotState, inside: list[EnabledZone]) -> dict[ErrorType, ErrorEntry | None]:
     """Report zones that the robot is in and should not be in (sections 6.4 and 6.4.3)."""
-    violation = lost = handled = None
+    violation: ErrorEntry | None = None
+    lost: ErrorEntry | None = None
+    handled: ErrorEntry | None = None
     if blocked := _blocked_zones(inside):
         violation = error(
             ErrorType.BLOCKED_ZONE_VIOLATION,
