@@ -8,7 +8,7 @@ import pytest
 
 from nena_edge_agent.protocol.action_states import ActionQueue, ActionRecord, ActionStates, allow_driving
 from nena_edge_agent.protocol.declaration import ActionDeclaration, LoadChange
-from nena_edge_agent.protocol.events import ActionReport, LoadSensed, StartAction
+from nena_edge_agent.protocol.events import LoadSensed, StartAction
 from nena_edge_agent.protocol.memory import Memory
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.factsheet import ActionScope
@@ -66,10 +66,6 @@ def test_a_new_result_is_a_change_and_a_repeated_status_is_not() -> None:
     assert made.states[0].action_result == "half done"
 
 
-def test_an_unknown_action_is_ignored() -> None:
-    assert not states("RUNNING").change("b", ActionStatus.FINISHED)
-
-
 def queue(*kinds: str) -> ActionQueue:
     """Make a queue of actions that are called like their kinds: N NONE, S SOFT, H HARD, 1 SINGLE."""
     names = {"N": "NONE", "S": "SOFT", "H": "HARD", "1": "SINGLE"}
@@ -102,16 +98,6 @@ def test_runnable_actions_and_whether_driving_is_allowed(
 
     assert made.runnable() == runnable
     assert made.driving_allowed is driving
-
-
-@pytest.mark.clause("6.2.2")
-def test_an_ended_action_leaves_the_queue_and_unblocks_the_next_ones() -> None:
-    made = queue("Na", "Hb", "Nc")
-
-    made.remove("Na")
-    assert made.runnable() == ["Hb"]
-    made.remove("Hb")
-    assert (made.runnable(), made.driving_allowed) == (["Nc"], True)
 
 
 @pytest.mark.clause("6.2.2")
@@ -221,14 +207,6 @@ def test_a_failed_action_does_not_change_the_load() -> None:
     bench.fails("d")
 
     assert bench.state.loads == (BOX,)
-
-
-def test_a_plug_in_may_report_the_load() -> None:
-    bench = robot()
-    bench.send(order("n0", node_actions={"n0": [pick()]}))
-    bench.do(ActionReport("p", ActionStatus.FINISHED, loads=(Load(load_id="two"),)))
-
-    assert bench.state.loads == (Load(load_id="two"),)
 
 
 @pytest.mark.clause("6.1.4.3")

@@ -81,16 +81,6 @@ def test_only_retriable_actions_are_retried(kind: str, wanted: str) -> None:
 
 @pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.clause("6.2.3/retry")
-def test_versions_without_the_action_do_not_have_it() -> None:
-    bench = failed("2.1.0")
-
-    bench.instant(action("r", "NONE", "retry", actionId="a"))
-
-    assert bench.status("r") == "FAILED"
-
-
-@pytest.mark.clause("6.6.9/retriable")
-@pytest.mark.clause("6.2.3/retry")
 def test_nothing_is_retried_during_a_pause() -> None:
     bench = failed()
     bench.instant(action("p", "NONE", "startPause"))
@@ -197,24 +187,6 @@ def test_a_cancel_ends_the_waiting() -> None:
     bench.instant(action("c", "NONE", "cancelOrder"))
 
     assert (bench.status("c"), bench.status("w"), bench.idle) == ("FINISHED", "FAILED", True)
-
-
-@pytest.mark.clause("6.2.3/waitForTrigger", "6.1.4.3")
-def test_without_a_type_the_order_is_refused() -> None:
-    bench = Bench(rules=RULES["3.0.0"])
-
-    bench.send(order("n0", "n1", node_actions={"n0": [action("w", "HARD", "waitForTrigger")]}))
-
-    assert bench.errors == ["INVALID_ORDER_ACTION"]
-
-
-@pytest.mark.clause("6.2.3/trigger")
-def test_2_x_has_no_fleet_control_trigger() -> None:
-    bench = waiting("FLEET_CONTROL", version="2.1.0")
-
-    bench.instant(action("t", "NONE", "trigger"))
-
-    assert (bench.status("t"), bench.status("w")) == ("FAILED", "RUNNING")
 
 
 @pytest.mark.clause("6.2.3/waitForTrigger", "6.1.4.3")

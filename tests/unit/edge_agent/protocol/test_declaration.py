@@ -107,12 +107,6 @@ def test_an_action_is_checked_by_scope_blocking_type_and_parameters(
     assert found is None if problem is None else found is not None and problem in found
 
 
-def test_an_unavailable_action_explains_why() -> None:
-    broken = ActionDeclaration("lift", (ActionScope.NODE,), unavailable="no lift is installed")
-    found = broken.problem(action("a", "HARD", "lift"), ActionScope.NODE)
-    assert found == "action 'lift' is not possible: no lift is installed"
-
-
 def test_a_custom_check_runs_last() -> None:
     checked = ActionDeclaration(
         "lift", (ActionScope.NODE,), parameters=(HEIGHT,), check=lambda _: "the belt slips"
@@ -122,23 +116,6 @@ def test_a_custom_check_runs_last() -> None:
         == "action 'lift': the belt slips"
     )
     assert "height" in str(checked.problem(action("a", "HARD", "lift"), ActionScope.NODE))
-
-
-@pytest.mark.parametrize(
-    ("load", "loaded", "possible"),
-    [
-        (LoadChange.TAKE, False, True),
-        (LoadChange.TAKE, True, False),
-        (LoadChange.GIVE, True, True),
-        (LoadChange.GIVE, False, False),
-        (None, True, True),
-    ],
-)
-def test_a_pick_requires_an_empty_robot_and_a_drop_a_loaded_one(
-    load: LoadChange | None, *, loaded: bool, possible: bool
-) -> None:
-    declared = ActionDeclaration("move", (ActionScope.NODE,), load=load)
-    assert (declared.load_problem(loaded=loaded) is None) is possible
 
 
 IN_ALL = {
@@ -175,13 +152,6 @@ OF_PLUG_INS = {
 )
 def test_a_robot_has_the_actions_of_its_version(version: str, known: set[str]) -> None:
     assert set(supported_actions(PREDEFINED | OF_PLUG_INS, RULES[version])) == known
-
-
-@pytest.mark.clause("6.2.3/cancelOrder")
-@pytest.mark.parametrize("version", RULES)
-@pytest.mark.parametrize("name", ["cancelOrder", "startPause", "stopPause"])
-def test_mandatory_actions_are_instant_actions_only(version: str, name: str) -> None:
-    assert Bench(rules=RULES[version]).capabilities.actions[name].scopes == (ActionScope.INSTANT,)
 
 
 @pytest.mark.clause(

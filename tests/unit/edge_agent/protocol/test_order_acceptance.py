@@ -9,12 +9,12 @@ import pytest
 
 from nena_edge_agent.driver.port import Circle, NoRouteReport
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
-from nena_edge_agent.protocol.events import MapsReport, MessageRefused, OperatingModeSwitched, ReportState
+from nena_edge_agent.protocol.events import MapsReport, OperatingModeSwitched, ReportState
 from nena_edge_agent.protocol.memory import Memory
 from nena_shared.vda5050.action import BlockingType
-from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
-from nena_shared.vda5050.order import ControlPoint, Corridor, NodePosition, Order, Trajectory
+from nena_shared.vda5050.order import Corridor, NodePosition, Order
 from nena_shared.vda5050.state import Map, MapStatus, OperatingMode
 from nena_shared.vda5050.versions import RULES
 from support.robot_core import ACTIONS, MAP, PRESS, Bench, action, at, order, position
@@ -36,47 +36,10 @@ def refused(bench: Bench, wrong: Order) -> ErrorEntry:
 
 
 @pytest.mark.clause("6.1.4.1")
-def test_row_1_a_malformed_message_is_reported_and_changes_nothing() -> None:
-    bench = Bench()
-    bench.send(order("n0", "n1"))
-    before = bench.state
-    entry = error(ErrorType.VALIDATION_FAILURE, "not a valid Order", topic="order", order_id="o2")
-
-    effects = bench.do(MessageRefused(entry))
-
-    assert effects == [ReportState()]
-    assert bench.state.errors == (entry,)
-    assert bench.state.model_copy(update={"errors": ()}) == before
-
-
-@pytest.mark.clause("6.1.4.1")
 def test_row_1_an_order_without_an_id_is_refused_and_not_mistaken_for_the_current_one() -> None:
     entry = refused(Bench(), order("n0", "n1", order_id=""))
 
     assert entry.error_type == ErrorType.VALIDATION_FAILURE
-
-
-@pytest.mark.clause("6.1.4.9")
-def test_row_2_a_mode_without_fleet_control_accepts_no_orders() -> None:
-    bench = Bench()
-    bench.do(OperatingModeSwitched(OperatingMode.MANUAL))
-
-    entry = refused(bench, order("n0", "n1"))
-
-    assert entry.error_type == ErrorType.MOBILE_ROBOT_NOT_AVAILABLE
-    assert entry.error_level is ErrorLevel.WARNING
-    assert references(entry)["orderId"] == "o1"
-
-
-@pytest.mark.clause("6.1.4", "7.1.2")
-def test_row_3_an_order_beyond_the_limits_is_refused() -> None:
-    bench = Bench(maximum_nodes=2)
-
-    entry = refused(bench, order("n0", "n1", "n2"))
-
-    assert entry.error_type == ErrorType.INSUFFICIENT_MEMORY
-    assert entry.error_level is ErrorLevel.URGENT
-    assert references(entry)["orderUpdateId"] == "0"
 
 
 @pytest.mark.clause("7.1.2")
@@ -86,38 +49,6 @@ def test_row_3_also_counts_actions() -> None:
     entry = refused(bench, order("n0", node_actions={"n0": [action("a"), action("b")]}))
 
     assert entry.error_type == ErrorType.INSUFFICIENT_MEMORY
-
-
-@pytest.mark.clause("6.1.4", "6.1.4.2", "7.1.1", "7.3/trajectory", "7.3/rotation", "7.3/edge")
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("trajectory", Trajectory(degree=1, control_points=(ControlPoint(x=0, y=0), ControlPoint(x=1, y=0)))),
-        ("orientation", 3.14),
-        ("direction", "left"),
-        ("reach_orientation_before_entering", True),
-        ("maximum_rotation_speed", 0.5),
-        ("maximum_mobile_robot_height", 1.0),
-    ],
-)
-def test_row_4_an_optional_field_that_the_robot_cannot_act_on_is_refused(field: str, value: object) -> None:
-    bench = Bench()
-
-    entry = refused(bench, order("n0", "n1", edge_fields={field: value}))
-
-    assert entry.error_type == ErrorType.UNSUPPORTED_PARAMETER
-    assert entry.error_level is ErrorLevel.CRITICAL
-    assert references(entry)["edgeId"] == "n0-n1"
-    assert references(entry)["parameter"].startswith("edges.")
-
-
-@pytest.mark.clause("6.1.4.2")
-def test_row_4_ignores_tolerated_fields() -> None:
-    bench = Bench(tolerated_parameters=frozenset({"edges.direction"}))
-
-    bench.send(order("n0", "n1", edge_fields={"direction": "left"}))
-
-    assert bench.state.order_id == "o1"
 
 
 @pytest.mark.clause("6.1.4.2", "7.3/speed")
@@ -189,17 +120,6 @@ def test_row_5_checks_the_scope_edge() -> None:
     assert entry.error_type == ErrorType.INVALID_ORDER_ACTION
 
 
-@pytest.mark.clause("6.1.4", "6.1.4.6")
-def test_row_a1_no_new_order_before_the_old_one_has_ended() -> None:
-    bench = Bench()
-    bench.send(order("n0", "n1"))
-
-    entry = refused(bench, order("n0", "n1", order_id="o2"))
-
-    assert entry.error_type == ErrorType.OTHER_ORDER_ACTIVE
-    assert references(entry)["orderId"] == "o2"
-
-
 @pytest.mark.clause("6.1.4.6", "6.6.8")
 def test_row_a1_a_robot_at_its_decision_point_with_a_horizon_is_not_idle() -> None:
     bench = Bench()
@@ -233,15 +153,6 @@ def test_row_a1_instant_actions_do_not_keep_the_robot_busy() -> None:
 
 
 @pytest.mark.clause("6.1.2/A2")
-def test_row_a2_an_order_of_2_1_may_begin_with_any_update_id() -> None:
-    bench = Bench()
-
-    bench.send(order("n0", update=5))
-
-    assert (bench.state.order_id, bench.state.order_update_id) == ("o1", 5)
-
-
-@pytest.mark.clause("6.1.2/A2")
 def test_row_a2_an_order_whose_beginning_was_lost_is_refused() -> None:
     bench = Bench()
 
@@ -249,27 +160,6 @@ def test_row_a2_an_order_whose_beginning_was_lost_is_refused() -> None:
 
     assert entry.error_type == ErrorType.VALIDATION_FAILURE
     assert references(entry)["orderUpdateId"] == "1"
-
-
-@pytest.mark.clause("6.1.4", "6.1.4.10", "6.3.1")
-def test_row_a3_an_unknown_map_is_refused() -> None:
-    bench = Bench()
-    elsewhere = position(10.0).model_copy(update={"map_id": "cellar"})
-
-    entry = refused(bench, order("n0", "n1", positions={"n1": elsewhere}))
-
-    assert entry.error_type == ErrorType.UNKNOWN_MAP_ID
-    assert references(entry)["nodeId"] == "n1"
-
-
-@pytest.mark.clause("6.1.4", "6.1.4.7")
-def test_row_a4_the_robot_must_be_at_the_first_node() -> None:
-    bench = Bench()
-
-    entry = refused(bench, order("n1", "n2"))
-
-    assert entry.error_type == ErrorType.START_NODE_OUT_OF_RANGE
-    assert references(entry)["nodeId"] == "n1"
 
 
 @pytest.mark.clause("6.1.4.7")
@@ -340,16 +230,6 @@ def test_row_a4_a_robot_without_a_position_reports_it() -> None:
     assert "not known" in str(entry.error_description)
 
 
-@pytest.mark.clause("6.1.4", "6.1.4.8")
-def test_row_a5_a_node_without_a_position_cannot_be_found() -> None:
-    bench = Bench()
-
-    entry = refused(bench, order("n0", "n1", positions={"n1": None}))
-
-    assert entry.error_type == ErrorType.NO_ROUTE_TO_TARGET
-    assert references(entry)["nodeId"] == "n1"
-
-
 @pytest.mark.clause("6.1.4.8")
 @pytest.mark.parametrize("released", [2, 3])
 def test_row_a5_a_node_without_a_route_is_refused_even_in_the_horizon(released: int) -> None:
@@ -393,14 +273,6 @@ def held() -> Bench:
     return bench
 
 
-@pytest.mark.clause("6.1.4", "6.1.4.4", "6.6.5.2")
-def test_row_b1_an_older_update_is_refused() -> None:
-    entry = refused(held(), order("n1", "n2", update=2, first=2))
-
-    assert entry.error_type == ErrorType.OUTDATED_ORDER_UPDATE
-    assert references(entry) == {"topic": "order", "headerId": "7", "orderId": "o1", "orderUpdateId": "2"}
-
-
 @pytest.mark.clause("6.1.3.1")
 @pytest.mark.parametrize("ended", [False, True], ids=["being cancelled", "cancelled"])
 def test_row_b2_no_update_follows_a_cancel(ended: bool) -> None:  # noqa: FBT001
@@ -423,46 +295,6 @@ def test_row_b3_a_repeated_update_is_ignored_without_an_error_but_answered() -> 
 
     assert effects == [ReportState()]
     assert bench.state == before
-
-
-@pytest.mark.clause("6.1.4", "6.1.2/B4")
-@pytest.mark.parametrize(
-    ("node", "first"), [("n2", 4), ("n0", 0), ("n1", 4)], ids=["horizon's end", "start", "wrong number"]
-)
-def test_row_b4_an_update_begins_at_the_decision_point(node: str, first: int) -> None:
-    entry = refused(held(), order(node, "n3", update=4, first=first))
-
-    assert entry.error_type == ErrorType.OUTDATED_ORDER_UPDATE  # orderUpdateError in 2.1
-    assert references(entry)["nodeId"] == node
-
-
-@pytest.mark.clause("6.1.2/B5")
-def test_row_b5_an_update_of_an_ended_order_continues_where_it_ended() -> None:
-    bench = Bench()
-    bench.send(order("n0", "n1"))
-    bench.arrive()
-    assert bench.idle
-    assert refused(bench, order("n0", "n1", update=1)).error_type == ErrorType.OUTDATED_ORDER_UPDATE
-
-    bench.send(order("n1", "n2", update=1, first=2))
-
-    assert bench.nodes == ["n2"]
-    assert bench.state.node_states[0].sequence_id == 4
-    assert not bench.state.errors
-
-
-@pytest.mark.clause("6.1.2/B6")
-def test_row_b6_an_update_drops_the_horizon_and_appends() -> None:
-    bench = held()
-    refused(bench, order("n9", update=9, first=2))
-
-    bench.send(order("n1", "n3", "n4", update=4, first=2, released=2))
-
-    assert bench.state.order_update_id == 4
-    assert bench.nodes == ["n1", "n3", "n4"]
-    assert bench.edges == ["n0-n1", "n1-n3", "n3-n4"]
-    assert [node.released for node in bench.state.node_states] == [True, True, False]
-    assert bench.state.errors == ()
 
 
 @pytest.mark.clause("6.1.1/ids")
@@ -530,21 +362,6 @@ def test_row_b3_after_a_restart() -> None:
     assert again.errors == []
     again.send(order("n0", "n2"))
     assert again.errors == ["SAME_ORDER_UPDATE_ID"]
-
-
-@pytest.mark.clause("6.1.2/stitching")
-@pytest.mark.parametrize(("version", "taken"), [("2.0.0", True), ("2.1.0", True), ("3.0.0", False)])
-def test_row_b4_the_stitching_node_is_repeated_unchanged(
-    version: str,
-    taken: bool,  # noqa: FBT001 - an example
-) -> None:
-    bench = Bench(rules=RULES[version])
-    bench.send(order("n0", "n1", "n2", released=2))
-
-    bench.send(order("n1", "n3", update=1, first=2, node_actions={"n1": [action("new")]}))
-
-    assert bench.nodes == (["n1", "n3"] if taken else ["n1", "n2"])
-    assert bench.errors == ([] if taken else ["VALIDATION_FAILURE"])
 
 
 @pytest.mark.clause("6.1.2")

@@ -109,17 +109,6 @@ def test_only_those_wait_that_need_standstill() -> None:
     assert started(bench) == ["n", "s", "h", "e"]
 
 
-@pytest.mark.clause("6.2.2/edge")
-def test_an_action_of_the_next_edge_waits_too() -> None:
-    bench = Bench()
-    bench.send(order("n0", "n1", "n2", edge_actions={"n1-n2": [action("e", "SOFT")]}))
-    arrives(bench)
-    assert (started(bench), len(bench.goals)) == ([], 1)
-    bench.do(STANDS)
-    bench.halted()
-    assert started(bench) == ["e"]
-
-
 def test_the_first_action_of_the_next_order_waits_until_the_last_drive_has_rolled_out() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))

@@ -16,7 +16,6 @@ from nena_edge_agent.protocol.zone_sets import (
     MAXIMUM_ZONES,
     REQUEST_RETRY_DELAY,
     AccessRequest,
-    DuplicateZoneSetError,
     EnabledZone,
     ZoneKey,
     ZoneRequests,
@@ -65,27 +64,6 @@ def test_an_enabled_set_replaces_the_other_set_of_its_map() -> None:
 
     assert held(sets) == {"s1": "DISABLED", "s2": "ENABLED", "s3": "ENABLED"}
     assert {each.key for each in sets.enabled} == {("s2", "w2"), ("s3", "wall")}
-
-
-@pytest.mark.clause("6.4.1")
-def test_a_zone_set_with_a_known_id_is_refused() -> None:
-    sets = with_sets(zone_set(WALL))
-
-    with pytest.raises(DuplicateZoneSetError, match="already has a zone set 's1'"):
-        sets.add(zone_set(zone("other", "BLOCKED", 0, 1)))
-    assert [zone.zone_id for each, _ in sets.held for zone in each.zones] == ["wall"]
-
-
-@pytest.mark.clause("6.2.3/deleteZoneSet")
-def test_an_enabled_zone_set_is_not_deleted() -> None:
-    sets = with_sets(zone_set(WALL), zone_set(WALL, zone_set_id="s2"))
-    sets.enable("s1")
-
-    with pytest.raises(ZoneSetRefusedError, match="is enabled"):
-        sets.delete("s1")
-    sets.delete("s2")
-
-    assert held(sets) == {"s1": "ENABLED"}
 
 
 @pytest.mark.clause("6.2.3/enableZoneSet", "6.2.3/deleteZoneSet")
@@ -167,15 +145,6 @@ def ids(access: ZoneRequests) -> list[str]:
     return [each.request_id for each in access.requests]
 
 
-def test_each_zone_is_requested_once_with_its_own_request() -> None:
-    access = ZoneRequests(last_number=7)
-    access.request([A, B], now=0.0)
-    access.request([B, A], now=1.0)
-    assert [(each.zone_id, each.request_id) for each in access.requests] == [("a", "zone-8"), ("b", "zone-9")]
-    assert [each.request_status for each in access.states] == [RequestStatus.REQUESTED] * 2
-    assert access.last_number == 9
-
-
 def test_zones_with_the_same_id_in_two_sets_are_different() -> None:
     other = EnabledZone(MAP, "t", A.zone, A.contour, A.bounding_box)
     access = ZoneRequests()
@@ -188,43 +157,12 @@ def test_zones_with_the_same_id_in_two_sets_are_different() -> None:
     )
 
 
-def test_a_rejected_zone_is_requested_again_only_after_a_delay() -> None:
-    access = asked()
-    access.apply(response("zone-1", GrantType.REJECTED), NOWHERE, now=50.0)
-    assert access.waits, "time alone lets it ask again"
-    access.request([A, B], now=50.0 + REQUEST_RETRY_DELAY - 0.01)
-    assert [each.zone_id for each in access.requests] == ["b"]
-    access.request([A, B], now=50.0 + REQUEST_RETRY_DELAY)
-    assert (ids(access), access.waits) == (["zone-2", "zone-3"], False)
-
-
-@pytest.mark.parametrize("grant", [GrantType.REVOKED, GrantType.REJECTED])
-@pytest.mark.parametrize("inside", [NOWHERE, IN_A])
-def test_a_revoked_grant_is_reported_while_the_robot_is_in_the_zone(
-    grant: GrantType, inside: frozenset[ZoneKey]
-) -> None:
-    access = asked(status=RequestStatus.GRANTED, lasting=60)
-    access.apply(response("zone-1", grant), inside, 0.0)
-    assert access.status(A.key) is (RequestStatus.REVOKED if inside else None)
-    access.expire(NOON + timedelta(seconds=60), inside)
-    assert access.status(A.key) is (RequestStatus.REVOKED if inside else None), "its lease went with it"
-    access.keep_only(frozenset({A.key}))
-    assert access.requests == ()
-
-
 def test_a_request_never_granted_is_removed_when_rejected_even_inside_the_zone() -> None:
     access = asked()
     access.apply(response("zone-1", GrantType.REJECTED), IN_A, 0.0)
     assert access.requests == ()
     access.request([A], now=1.0)
     assert access.requests == ()
-
-
-def test_a_grant_revoked_before_the_zone_is_requested_again_at_once() -> None:
-    access = asked(status=RequestStatus.GRANTED)
-    access.apply(response("zone-1", GrantType.REVOKED), NOWHERE, 0.0)
-    access.request([A], now=0.0)
-    assert ids(access) == ["zone-2"]
 
 
 @pytest.mark.parametrize(
@@ -243,35 +181,6 @@ def test_a_lease_ends_at_its_expiry(
     access.expire(NOON + timedelta(seconds=after), inside)
     assert access.status(A.key) is status
     assert access.waits is (status is RequestStatus.GRANTED)
-
-
-def test_a_grant_without_expiry_lasts_and_a_longer_lease_replaces_a_shorter_one() -> None:
-    for_ever = asked(status=RequestStatus.GRANTED)
-    for_ever.expire(datetime.max.replace(tzinfo=UTC), NOWHERE)
-    assert for_ever.status(A.key) is RequestStatus.GRANTED
-
-    longer = asked(status=RequestStatus.GRANTED, lasting=60)
-    longer.apply(response("zone-1", GrantType.GRANTED, lasting=120), NOWHERE, 0.0)
-    longer.expire(NOON + timedelta(seconds=119), NOWHERE)
-    assert longer.status(A.key) is RequestStatus.GRANTED
-    longer.expire(NOON + timedelta(seconds=120), NOWHERE)
-    assert longer.status(A.key) is None
-
-
-@pytest.mark.parametrize(
-    ("request_id", "grant"), [("zone-1", GrantType.QUEUED), ("zone-9", GrantType.GRANTED)]
-)
-def test_a_response_that_changes_nothing_has_no_effect(request_id: str, grant: GrantType) -> None:
-    access = asked()
-    access.apply(response(request_id, grant), IN_A, 0.0)
-    assert (access.status(A.key), access.revision) == (RequestStatus.REQUESTED, 0)
-
-
-def test_only_requests_for_wanted_zones_are_kept() -> None:
-    access = ZoneRequests()
-    access.request([A, B], now=0.0)
-    access.keep_only(frozenset({B.key}))
-    assert [each.zone_id for each in access.requests] == ["b"]
 
 
 SECONDS = st.sampled_from([0.0, 1.0, REQUEST_RETRY_DELAY, 60.0])
