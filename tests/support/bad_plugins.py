@@ -21,7 +21,7 @@ GOOD = ActionDeclaration("good", NODE, pause_allowed=True, cancel_allowed=True)
 
 
 class Good:
-    """Keeps the contract; the bad ones differ from it in one point. Runs until it is cancelled, or 2 s."""
+    """Keeps the contract; the bad ones differ from it in one point. Runs until it is cancelled, or 0.5 s."""
 
     declaration = GOOD
 
@@ -30,7 +30,7 @@ class Good:
 
 
 class Running:
-    def __init__(self, action_id: str, report: Report, *, seconds: float = 2.0) -> None:
+    def __init__(self, action_id: str, report: Report, *, seconds: float = 0.5) -> None:
         self.action_id = action_id
         self.report = report
         self.left = seconds
@@ -193,8 +193,11 @@ def _check(_: Action) -> str | None:
 KEY = Parameter("key", ValueDataType.STRING)
 
 BAD: dict[str, tuple[Good, str]] = {
-    "blocks": (made(Blocks), "blocks the whole agent at .* in pass_time"),
-    "blocks later": (made(BlocksLater), "blocks the whole agent at .*bad_plugins.* in finish"),
+    "blocks": (made(Blocks, ActionDeclaration("good", NODE)), "blocks the whole agent at .* in pass_time"),
+    "blocks later": (
+        made(BlocksLater, ActionDeclaration("good", NODE)),
+        "blocks the whole agent at .*bad_plugins.* in finish",
+    ),
     "raises": (made(Raises), "start raised RuntimeError: no hydraulic pressure"),
     "gives nothing": (made(lambda *_: None), "returned None, which has no pause, resume, cancel"),
     "gives no running action": (made(lambda *_: object()), "which has no pause, resume, cancel"),

@@ -129,7 +129,7 @@ class RobotAgent:
             wake=self._mailbox.wake,
         )
         self._drives, self._others = Postponed(), Postponed()
-        self._inbox = self._messages.inbox(self._mailbox.put, clock)
+        self._inbox = self._messages.make_inbox(self._mailbox.put, clock)
         self._driver = make_driver(self._mailbox.put, self._core.last_position)
         if own_goals := self._core.own_goals:
             self._driver.reclaim(own_goals)

@@ -40,18 +40,14 @@ ANSWER_TIME = 0.5
 """Assumed time for fleet control to extend a base on request, seconds."""
 
 
-def _base_request_time(settings: EdgeAgentSettings) -> float:
-    """Return the maximum time from a base request until Nav2 replans for the new base, seconds."""
-    slower = SEVERAL_SLOWER if settings.drives_ahead else 1.0
-    return settings.ros.goals.replan_period * slower + ANSWER_TIME
-
-
 def make_capabilities(
     settings: EdgeAgentSettings, registry: ActionRegistry, offers: Nav2Offers = NO_OFFERS
 ) -> Capabilities:
     """Return the robot's capabilities, from its settings, plug-ins and Nav2's features."""
     drive, goals = settings.drive, settings.ros.goals
     by_nav2 = settings.driver == "nav2"
+    # The robot must ask early enough that Nav2 has replanned for the new base before the old one ends.
+    replanning = goals.replan_period * (SEVERAL_SLOWER if settings.drives_ahead else 1.0)
     return Capabilities(
         map_id=settings.map_id,
         map_version=settings.map_version,
@@ -68,7 +64,7 @@ def make_capabilities(
         hand_over_time=goals.replan_period if by_nav2 else 0.0,
         drives_ahead=settings.drives_ahead,
         base_request_distance=drive.base_request_distance,
-        base_request_time=_base_request_time(settings) if by_nav2 else 0.0,
+        base_request_time=replanning + ANSWER_TIME if by_nav2 else 0.0,
         external_goals=drive.external_goals,
         link_loss=drive.link_loss,
         link_loss_timeout=drive.link_loss_patience,
@@ -89,6 +85,8 @@ def make_factsheet(
     limits: DriveLimits | None = None,
 ) -> factsheet.Factsheet:
     """Return the factsheet (section 7.10); ``limits`` are navigation's, None: not reported."""
+    offered = [action for action in capabilities.actions.values() if not action.unavailable]
+    load_positions = ("platform",) if any(action.load for action in offered) else ()
     return factsheet.Factsheet(
         **header,
         type_specification=_type_specification(settings, capabilities),
@@ -97,12 +95,11 @@ def make_factsheet(
         protocol_features=factsheet.ProtocolFeatures(
             optional_parameters=supported(capabilities, limits),
             mobile_robot_actions=tuple(
-                _action_description(declaration, capabilities.rules)
-                for declaration in _offered_actions(capabilities)
+                _action_description(declaration, capabilities.rules) for declaration in offered
             ),
         ),
         mobile_robot_geometry=_robot_geometry(settings, limits.contour if limits else ()),
-        load_specification=_load_specification(capabilities),
+        load_specification=factsheet.LoadSpecification(load_positions=load_positions),
     )
 
 
@@ -160,17 +157,18 @@ def _protocol_limits(settings: EdgeAgentSettings, maximum_nodes: int) -> factshe
     )
 
 
-def _offered_actions(capabilities: Capabilities) -> list[ActionDeclaration]:
-    return [declaration for declaration in capabilities.actions.values() if not declaration.unavailable]
-
-
 def _action_description(declaration: ActionDeclaration, rules: Rules) -> factsheet.MobileRobotAction:
     return factsheet.MobileRobotAction(
         action_type=declaration.action_type,
         action_description=declaration.description or None,
         action_scopes=declaration.scopes,
         action_parameters=tuple(
-            _parameter_description(parameter, _listed_key(declaration, parameter, rules))
+            factsheet.ActionParameterDescription(
+                key=_listed_key(declaration, parameter, rules),
+                value_data_type=parameter.data_type,
+                description=parameter.words or None,
+                is_optional=not parameter.required,
+            )
             for parameter in declaration.parameters
         ),
         action_result=declaration.result or None,
@@ -186,15 +184,6 @@ def _listed_key(declaration: ActionDeclaration, parameter: Parameter, rules: Rul
     return rules.load_handling_device_key if device else parameter.key
 
 
-def _parameter_description(parameter: Parameter, key: str) -> factsheet.ActionParameterDescription:
-    return factsheet.ActionParameterDescription(
-        key=key,
-        value_data_type=parameter.data_type,
-        description=parameter.words or None,
-        is_optional=not parameter.required,
-    )
-
-
 def _robot_geometry(
     settings: EdgeAgentSettings, contour: tuple[tuple[float, float], ...]
 ) -> factsheet.MobileRobotGeometry:
@@ -205,8 +194,3 @@ def _robot_geometry(
     return factsheet.MobileRobotGeometry(
         envelopes2d=(factsheet.Envelope2d(envelope2d_id="footprint", vertices=vertices),)
     )
-
-
-def _load_specification(capabilities: Capabilities) -> factsheet.LoadSpecification:
-    carries = any(declaration.load for declaration in _offered_actions(capabilities))
-    return factsheet.LoadSpecification(load_positions=("platform",) if carries else ())

@@ -93,17 +93,20 @@ class Journal:
         except OSError as error:
             message = f"the journal {self._file} cannot be used: {error.strerror}; set journal.folder"
             raise StartError(message) from error
-        return self._read() if there else None
+        return self._read_file() if there else None
 
-    def _read(self) -> Memory:
+    def _read_file(self) -> Memory:
         remedy = f"remove {self._file} and restart the agent"
         try:
             content = self._file.read_bytes()
             self._number, record = _newest_record(content)
-            self._begun = max(self._number, _highest_number(content))
-            content = {"format": FORMAT} | json.loads(record)
-            if content["format"] == FORMAT:
-                return Memory.model_validate_json(json.dumps(content))
+            half = len(content) // 2
+            # Blocks of an interrupted record have a higher number, which must not be used again.
+            numbers = (*_block_numbers(content[:half]), *_block_numbers(content[half:]))
+            self._begun = max(self._number, max((number for number in numbers if number), default=0))
+            fields = {"format": FORMAT} | json.loads(record)
+            if fields["format"] == FORMAT:
+                return Memory.model_validate_json(json.dumps(fields))
         except OSError as error:
             message = f"the journal cannot be read ({error.strerror}): {remedy}"
             raise UnreadableJournalError(message) from error
@@ -122,7 +125,12 @@ class Journal:
             OSError: the record could not be written; the old one is kept.
         """
         self._on_record(record)
-        self._begun = number = self._next_number()
+        # An unused number for the half without the last record. With a used one, blocks of a failed record
+        # and of this one would look like one record.
+        number = self._begun + 1
+        if (number - self._number) % 2 == 0:
+            number += 1
+        self._begun = number
         if not self._overwrite_record(number, record):
             self._make_file(number, record)
             self._number, self._made = number, True
@@ -139,14 +147,6 @@ class Journal:
             sync_folder(self._folder)
             self._made = False
         self._number = self._begun
-
-    def _next_number(self) -> int:
-        """Return an unused record number for the half without the last record.
-
-        With a used number, blocks of a failed record and of the next one would look like one record.
-        """
-        free = self._begun + 1
-        return free if (free - self._number) % 2 else free + 1
 
     def _overwrite_record(self, number: int, record: bytes) -> bool:
         """Overwrite the older record; return False if the file is missing or too small."""
@@ -205,25 +205,17 @@ def _newest_record(content: bytes) -> tuple[int, bytes]:
     """
     half = len(content) // 2
     halves = content[:half], content[half:]
-    records = [_read(record) for record in halves]
+    records = [_read_half(record) for record in halves]
     newest = max(record for record in records if record)
-    other_half = halves[1 - records.index(newest)]
-    if None in records and not _is_of_an_earlier_release(halves[records.index(newest)]):
-        _check_interrupted(other_half, newest[0])
+    index = records.index(newest)
+    if None in records and not _is_of_an_earlier_release(halves[index]):
+        # The other half is older or was interrupted if an older block is left in it. Otherwise it was a
+        # complete, newer record, which is damaged now: what it told was already acted upon.
+        numbers = _block_numbers(halves[1 - index])
+        if None in numbers and not any(number is not None and number <= newest[0] for number in numbers):
+            message = f"a record after {newest[0]} is damaged"
+            raise ValueError(message)
     return newest
-
-
-def _check_interrupted(half: bytes, newest: int) -> None:
-    """Check that the unreadable ``half`` is older than record ``newest`` or was interrupted.
-
-    Raises:
-        ValueError: it was a complete, newer record, which is now damaged.
-
-    """
-    numbers = _block_numbers(half)
-    if None in numbers and not any(number is not None and number <= newest for number in numbers):
-        message = f"a record after {newest} is damaged"
-        raise ValueError(message)
 
 
 def _blocks_of(half: bytes) -> list[bytes]:
@@ -236,25 +228,19 @@ def _block_numbers(half: bytes) -> list[int | None]:
     A checksum also covers the count of blocks, so a truncated file counts as damaged.
     """
     blocks = _blocks_of(half)
-    return [_block_number(block, len(blocks)) for block in blocks]
+    numbers: list[int | None] = []
+    for block in blocks:
+        body = block[CHECKSUM:]
+        if block == b" " * BLOCK:
+            numbers.append(0)
+        elif len(block) == BLOCK and block[:CHECKSUM] == b"%08x " % crc32(body, len(blocks)):
+            numbers.append(int(body[: LABEL - CHECKSUM]))
+        else:
+            numbers.append(None)
+    return numbers
 
 
-def _block_number(block: bytes, count: int) -> int | None:
-    if block == b" " * BLOCK:
-        return 0
-    body = block[CHECKSUM:]
-    fits = len(block) == BLOCK and block[:CHECKSUM] == b"%08x " % crc32(body, count)
-    return int(body[: LABEL - CHECKSUM]) if fits else None
-
-
-def _highest_number(content: bytes) -> int:
-    """Return the highest number of an undamaged block, even of an interrupted record."""
-    half = len(content) // 2
-    numbers = (*_block_numbers(content[:half]), *_block_numbers(content[half:]))
-    return max((number for number in numbers if number), default=0)
-
-
-def _read(half: bytes) -> tuple[int, bytes] | None:
+def _read_half(half: bytes) -> tuple[int, bytes] | None:
     """Return the number and the record in a half; None if it is not one complete record."""
     if _is_of_an_earlier_release(half):
         first, _, record = half[CHECKSUM:].partition(b"\n")
@@ -356,8 +342,10 @@ class Recorder:
 
     async def write(self, version: Version, memory: Callable[[], Memory]) -> None:
         """Start to write a changed memory; return when it survives the process, or the disk has failed."""
-        if self._journal is None or version == self._durable or self._disk_hangs:
-            return  # a newer record must not overtake an older one on a disk that hangs
+        if self._journal is None or version == self._durable:
+            return
+        if self._record is not None and not self._record.done():
+            return  # the disk hangs: a newer record must not overtake an older one
         loop = asyncio.get_running_loop()
         self._begun, self._deadline = version, loop.time() + WRITE_TIMEOUT
         self._written = self._durable = None  # a failed record may have overwritten the previous one
@@ -395,19 +383,15 @@ class Recorder:
         """Return whether the changes in ``version`` survive a power failure; True without a journal."""
         return self._journal is None or version == self._durable
 
-    @property
-    def _disk_hangs(self) -> bool:
-        return self._record is not None and not self._record.done()
-
 
 def _write_record(journal: Journal, record: bytes, written: SimpleQueue[bool]) -> None:
     """Write a record in a thread: report when the kernel has it, then wait for the disk."""
-    taken = False
+    outlives = False
     try:
         journal.write(record)
-        taken = True
+        outlives = True
     finally:
-        written.put(taken)
+        written.put(outlives)
     journal.sync()
 
 

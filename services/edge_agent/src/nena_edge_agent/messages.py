@@ -33,7 +33,7 @@ from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.command_reader import read_command
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.deviations import Deviations
-from nena_shared.vda5050.error import ErrorEntry, ErrorReference, ErrorType, error
+from nena_shared.vda5050.error import ErrorReference, ErrorType, error
 from nena_shared.vda5050.malformed import MalformedMessageError, quoted
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.repair import Repair, RepairKind
@@ -74,8 +74,8 @@ class HeaderMaker:
         More headerIds are reserved once half of them are used.
         """
         for topic in TOPICS:
-            left = (self._reserved.get(topic, 0) - self._counts[topic]) % WRAP
             # Modulo 2^32, as headerIds count (7.2).
+            left = (self._reserved.get(topic, 0) - self._counts[topic]) % WRAP
             if not RESERVE // 2 <= left <= RESERVE:
                 self._reserved[topic] = (self._counts[topic] + RESERVE) % WRAP
         return tuple(self._reserved.items())
@@ -132,7 +132,7 @@ class RobotMessages:
         self.topics = topics_for(settings.version, settings.interface_name)
         self.headers = HeaderMaker(robot, version=settings.version, clock=clock, reserved=reserved)
 
-    def inbox(self, put: Callable[[Event], None], clock: Clock) -> Inbox:
+    def make_inbox(self, put: Callable[[Event], None], clock: Clock) -> Inbox:
         """Return the reader of the robot's incoming messages."""
         return Inbox(
             self.codec,
@@ -269,37 +269,38 @@ class Inbox:
         if not message.payload:
             self._log.debug("empty message ignored: it clears a retained one", topic=topic)
             return None
-        # It would be executed again after each reconnect.
+        # A retained command would be executed again after each reconnect (4.1 forbids it).
         if message.retained:
             self.counts.retained += 1
             self._log.warning("retained command ignored; it may be old", topic=message.topic)
             return None
         try:
-            read = self._decode_message(kind, message.payload, topic)
+            command = self._decode_message(kind, message.payload, topic)
         except MalformedMessageError as malformed:
             self.counts.malformed += 1
             self._refuse_message(str(malformed), topic, malformed.references)
             return None
-        if RobotKey(read.manufacturer, read.serial_number) != self._robot:
+        addressee = RobotKey(command.manufacturer, command.serial_number)
+        if addressee != self._robot:
             self.counts.misdirected += 1
-            to = f"{read.manufacturer}/{read.serial_number}"
-            self._refuse_message(f"the header names the robot {to}", topic, {"headerId": str(read.header_id)})
+            references = {"headerId": str(command.header_id)}
+            self._refuse_message(f"the header names the robot {addressee}", topic, references)
             return None
         self.counts.taken += 1
-        return read
+        return command
 
     def _decode_message(self, kind: type[M], payload: bytes, topic: Topic) -> M:
         self._dated = True
         if self._strict:
             return self._codec.decode(kind, payload)
-        read, repairs = read_command(kind, self._codec, payload, now=self._clock.now())
-        read, texts = self._with_values(read)
+        command, repairs = read_command(kind, self._codec, payload, now=self._clock.now())
+        command, texts = self._with_values(command)
         repairs += texts
         if repairs:
             self.counts.repaired += 1
             self._dated = not any(repair.kind is RepairKind.TIME_OF_ARRIVAL for repair in repairs)
             self._deviations.note(self._robot, topic.value, repairs)
-        return read
+        return command
 
     def _with_values(self, message: M) -> tuple[M, tuple[Repair, ...]]:
         """Return the message with action parameters converted to their types if they were sent as strings."""
@@ -327,30 +328,26 @@ class Inbox:
             }
         return message.model_copy(update=changes), tuple(dict.fromkeys(repairs))
 
-    def _read_action(self, action: Action, at: str, found: list[Repair]) -> Action:
+    def _read_action(self, action: Action, at: str, repairs: list[Repair]) -> Action:
         declared = self._actions.get(action.action_type)
         changed = declared.read(action) if declared else action
         for old, new in zip(action.action_parameters, changed.action_parameters, strict=True):
             if new.value is not old.value:
                 boolean = isinstance(new.value, bool)
                 kind = RepairKind.TEXT_AS_BOOLEAN if boolean else RepairKind.TEXT_AS_NUMBER
-                found.append(Repair(at, kind, quoted(old.value)))
+                repairs.append(Repair(at, kind, quoted(old.value)))
         return changed
 
     def _refuse_message(self, problem: str, topic: Topic, references: dict[str, str]) -> None:
         self._log.warning("message refused", topic=topic.value, problem=problem, **references)
-        until = _UNTIL.get(topic, Until.ORDER_ACCEPTED)
-        self._put(MessageRefused(_refusal_entry(problem, topic, references), until))
-
-
-def _refusal_entry(problem: str, topic: Topic, references: dict[str, str]) -> ErrorEntry:
-    entry = error(
-        ErrorType.VALIDATION_FAILURE,
-        problem,
-        hint="correct the message and send it again; nothing was changed",
-        topic=topic.value,
-    )
-    named = tuple(
-        ErrorReference(reference_key=key, reference_value=value) for key, value in references.items()
-    )
-    return entry.model_copy(update={"error_references": (*entry.error_references, *named)})
+        entry = error(
+            ErrorType.VALIDATION_FAILURE,
+            problem,
+            hint="correct the message and send it again; nothing was changed",
+            topic=topic.value,
+        )
+        named = tuple(
+            ErrorReference(reference_key=key, reference_value=value) for key, value in references.items()
+        )
+        entry = entry.model_copy(update={"error_references": (*entry.error_references, *named)})
+        self._put(MessageRefused(entry, _UNTIL.get(topic, Until.ORDER_ACCEPTED)))

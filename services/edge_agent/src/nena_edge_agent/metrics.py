@@ -89,14 +89,14 @@ def _of_robot(kind: MetricKind, name: str, text: str, read: Read, *labels: str) 
     """Define a metric of each robot; ``read`` returns a value, or a mapping by ``labels``."""
 
     def values(program: Program) -> dict[tuple[str, ...], Any]:
-        found: dict[tuple[str, ...], Any] = {}
+        by_labels: dict[tuple[str, ...], Any] = {}
         for robot, snapshot in program.snapshots.items():
             value = read(program, snapshot)
             if isinstance(value, Mapping):
-                found |= {(*robot, str(label)): each for label, each in value.items()}
+                by_labels |= {(*robot, str(label)): part for label, part in value.items()}
             elif value is not None:
-                found[robot.manufacturer, robot.serial_number] = value
-        return found
+                by_labels[robot.manufacturer, robot.serial_number] = value
+        return by_labels
 
     return Metric(name, kind, text, (*ROBOT, *labels), values)
 
@@ -112,10 +112,6 @@ def _make_counter(name: str, text: str, read: Read, *labels: str) -> Metric[Prog
 def _pose_age(program: Program, snapshot: AgentSnapshot) -> float | None:
     at = snapshot.statistics.posed_at
     return None if at is None else max(0.0, program.clock.monotonic() - at)
-
-
-def _journal_works(program: Program, snapshot: AgentSnapshot) -> bool | None:
-    return None if program.journal is None else not snapshot.journal_problem
 
 
 def _read_link(read: Callable[[LinkState], float]) -> Read:
@@ -215,7 +211,7 @@ DISK: Final[Section[Program]] = Section(
             "nena_agent_journal_works",
             "1 while orders and actions are written to disk; 0: nothing new is started. Absent without a "
             "journal.",
-            _journal_works,
+            lambda program, v: None if program.journal is None else not v.journal_problem,
         ),
         _of_robot(
             MetricKind.HISTOGRAM,

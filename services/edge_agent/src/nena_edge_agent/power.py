@@ -73,16 +73,15 @@ class PowerSettings(SettingsGroup):
 
     def problems(self) -> dict[PowerCommand, str]:
         """Return the problems of the commands, by setting: programs that cannot be run."""
-        problems = {kind: _command_problem(self.command(kind)) for kind in PowerCommand}
-        return {kind: problem for kind, problem in problems.items() if problem}
-
-
-def _command_problem(command: Command) -> str:
-    if not command or shutil.which(command[0]):
-        return ""
-    if Path(command[0]).exists():
-        return f"{command[0]} is not an executable program"
-    return f"program {command[0]} not found"
+        problems: dict[PowerCommand, str] = {}
+        for kind in PowerCommand:
+            program = next(iter(self.command(kind)), None)
+            if program and not shutil.which(program):
+                exists = Path(program).exists()
+                problems[kind] = (
+                    f"{program} is not an executable program" if exists else f"program {program} not found"
+                )
+        return problems
 
 
 async def run_command(

@@ -1,6 +1,6 @@
 """Built-in actions: wait, downloadZoneSet, map transforms, behaviour trees and timed operations.
 
-``make_registry`` in ``__main__`` decides which of them a robot has.
+``make_registry`` in ``program`` decides which of them a robot has.
 """
 
 from __future__ import annotations

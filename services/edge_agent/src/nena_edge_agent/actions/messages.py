@@ -30,7 +30,13 @@ def template_problems(template: JsonValue, names: Collection[str], path: str) ->
     """Yield each problem of a template with its path; ``names`` are the known values."""
     match template:
         case str():
-            yield from (f"{path}: {problem}" for problem in _text_problems(template, names))
+            for part in _PART.finditer(template):
+                if part.group("lone"):
+                    brace, name = part.group(), "{name}"
+                    remedy = f"write {name} for a value, '{brace * 2}' for a brace"
+                    yield f"{path}: a lone '{brace}' in '{template}'; {remedy}"
+                elif (name := part.group("name")) and name not in names:
+                    yield f"{path}: unknown parameter '{name}'; known: {', '.join(sorted(names))}"
         case dict():
             for key, value in template.items():
                 yield from template_problems(value, names, f"{path}.{key}")
@@ -55,16 +61,6 @@ def filled(template: JsonValue, values: Mapping[str, JsonValue]) -> JsonValue:
             return [item for item in items if item is not None]
         case _:
             return template
-
-
-def _text_problems(text: str, names: Collection[str]) -> Iterator[str]:
-    for found in _PART.finditer(text):
-        name = found.group("name")
-        if found.group("lone"):
-            brace = found.group()
-            yield f"a lone '{brace}' in '{text}'; write {{name}} for a value, '{brace * 2}' for a brace"
-        elif name and name not in names:
-            yield f"unknown parameter '{name}'; known: {', '.join(sorted(names))}"
 
 
 def _insert_value(found: re.Match[str], values: Mapping[str, JsonValue]) -> str:
@@ -144,7 +140,7 @@ _FITTING: Final[Mapping[ScalarKind, frozenset[ValueDataType]]] = {
 """Types of parameters that can replace a whole value of each kind."""
 
 
-def problems(
+def problems(  # noqa: C901, PLR0912 - a case for each kind of field
     template: JsonValue, shape: Shape, types: Mapping[str, ValueDataType], path: str
 ) -> Iterator[str]:
     """Yield what can never fit, whatever the values of parameters; ``types`` are their types by name."""
@@ -157,9 +153,15 @@ def problems(
             return
         case dict(), Record():
             for key, value in template.items():
-                yield from _field_problems(key, value, shape, types, path)
+                if field := shape.fields.get(key):
+                    yield from problems(value, field, types, f"{path}.{key}")
+                else:
+                    yield _no_such_field(key, shape, path)
         case list(), ArrayShape():
-            yield from _item_problems(template, shape, types, path)
+            if not shape.holds(len(template)):
+                yield f"{path}: {template!r} is not {shape.words}"
+            for number, item in enumerate(template):
+                yield from problems(item, shape.item, types, f"{path}.{number}")
         case str(), ArrayShape() if whole(template):
             return  # a whole array, whose items are checked when the value is known
         case _:
@@ -179,9 +181,17 @@ def conformed(value: JsonValue, shape: Shape, path: str) -> Any:  # noqa: ANN401
         case Scalar():
             return _read_scalar(value, shape, path)
         case ArrayShape():
-            return _read_listing(value, shape, path)
+            if not isinstance(value, list) or not shape.holds(len(value)):
+                text = f"{path}: {value!r} is not {shape.words}"
+                raise FieldError(text)
+            return [conformed(item, shape.item, f"{path}.{number}") for number, item in enumerate(value)]
         case Record():
-            return _read_record(value, shape, path)
+            if not isinstance(value, dict):
+                text = f"{path}: {value!r} is not a table of the fields {_list_fields(shape)}"
+                raise FieldError(text)
+            if unknown := next((key for key in value if key not in shape.fields), None):
+                raise FieldError(_no_such_field(unknown, shape, path))
+            return {key: conformed(part, shape.fields[key], f"{path}.{key}") for key, part in value.items()}
 
 
 def message(values: Mapping[str, Any], record: Record) -> Any:  # noqa: ANN401 - rclpy carries no types
@@ -204,25 +214,6 @@ def _message_value(value: Any, shape: Shape) -> Any:  # noqa: ANN401
             return value
 
 
-def _field_problems(
-    key: str, value: JsonValue, record: Record, types: Mapping[str, ValueDataType], path: str
-) -> Iterator[str]:
-    shape = record.fields.get(key)
-    if shape is None:
-        yield f"{path}.{key}: {record.type_name} has no such field, only {_list_fields(record)}"
-    else:
-        yield from problems(value, shape, types, f"{path}.{key}")
-
-
-def _item_problems(
-    items: list[JsonValue], listing: ArrayShape, types: Mapping[str, ValueDataType], path: str
-) -> Iterator[str]:
-    if not listing.holds(len(items)):
-        yield f"{path}: {items!r} is not {listing.words}"
-    for number, value in enumerate(items):
-        yield from problems(value, listing.item, types, f"{path}.{number}")
-
-
 def _read_scalar(value: JsonValue, scalar: Scalar, path: str) -> Any:  # noqa: ANN401
     match scalar.kind, value:
         case ScalarKind.BOOLEAN, bool():
@@ -235,31 +226,15 @@ def _read_scalar(value: JsonValue, scalar: Scalar, path: str) -> Any:  # noqa: A
             return float(value)
         case ScalarKind.TEXT, str() if scalar.longest is None or len(value) <= scalar.longest:
             return value
-    text = f"{path}: {value!r} is not {scalar.kind.value}{_limits_text(scalar)}"
+    limits = "" if scalar.longest is None else f" of {scalar.longest} characters at most"
+    if scalar.kind is ScalarKind.INTEGER:
+        limits = f" from {scalar.low} to {scalar.high}"
+    text = f"{path}: {value!r} is not {scalar.kind.value}{limits}"
     raise FieldError(text)
 
 
-def _limits_text(scalar: Scalar) -> str:
-    if scalar.kind is ScalarKind.INTEGER:
-        return f" from {scalar.low} to {scalar.high}"
-    return "" if scalar.longest is None else f" of {scalar.longest} characters at most"
-
-
-def _read_listing(value: JsonValue, listing: ArrayShape, path: str) -> list[Any]:
-    if not isinstance(value, list) or not listing.holds(len(value)):
-        text = f"{path}: {value!r} is not {listing.words}"
-        raise FieldError(text)
-    return [conformed(each, listing.item, f"{path}.{number}") for number, each in enumerate(value)]
-
-
-def _read_record(value: JsonValue, record: Record, path: str) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        text = f"{path}: {value!r} is not a table of the fields {_list_fields(record)}"
-        raise FieldError(text)
-    if unknown := next((key for key in value if key not in record.fields), None):
-        text = f"{path}.{unknown}: {record.type_name} has no such field, only {_list_fields(record)}"
-        raise FieldError(text)
-    return {key: conformed(each, record.fields[key], f"{path}.{key}") for key, each in value.items()}
+def _no_such_field(key: str, record: Record, path: str) -> str:
+    return f"{path}.{key}: {record.type_name} has no such field, only {_list_fields(record)}"
 
 
 def _list_fields(record: Record) -> str:
@@ -374,17 +349,13 @@ def _shape_of(name: str) -> Shape:
         return ArrayShape(_shape_of(found.group("item")), most=int(most) if most else None)
     if found := _ARRAY.fullmatch(name):
         return ArrayShape(_shape_of(found.group("item")), exactly=int(found.group("exactly")))
-    scalar = _SCALARS.get(name) or _text_shape(name)
-    if scalar:
+    if scalar := _SCALARS.get(name):
         return scalar
+    if text := _TEXT.fullmatch(name):
+        longest = text.group("longest")
+        return Scalar(ScalarKind.TEXT, longest=int(longest) if longest else None)
     package, _, kind = name.partition("/")
     return message_type(f"{package}/msg/{kind}")
-
-
-def _text_shape(name: str) -> Scalar | None:
-    found = _TEXT.fullmatch(name)
-    longest = found.group("longest") if found else None
-    return Scalar(ScalarKind.TEXT, longest=int(longest) if longest else None) if found else None
 
 
 def _integer_shape(bits: int, *, signed: bool) -> Scalar:

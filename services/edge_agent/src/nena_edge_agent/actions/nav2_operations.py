@@ -37,11 +37,6 @@ _SERVERS: Mapping[Behaviour, tuple[str, str, str]] = {
 """ROS action name, its type, and the description in the factsheet."""
 
 
-def type_of(behaviour: Behaviour) -> str:
-    """Return the type of the ROS action that ``behaviour`` needs."""
-    return f"nav2_msgs/action/{_SERVERS[behaviour][1]}"
-
-
 def declaration_of(settings: Nav2OperationSettings) -> ActionDeclaration:
     """Return the declaration of the action."""
     return ActionDeclaration(
@@ -76,8 +71,8 @@ class Nav2Operation:
     def __init__(self, settings: Nav2OperationSettings, ros: RosPort) -> None:
         self.declaration = declaration_of(settings)
         self._settings = settings
-        server = settings.server or _SERVERS[settings.behavior][0]
-        self._client: RosActionClient = ros.action(server, type_of(settings.behavior))
+        server, type_name, _ = _SERVERS[settings.behavior]
+        self._client: RosActionClient = ros.action(settings.server or server, f"nav2_msgs/action/{type_name}")
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Send the goal; if the action is cancelled, the server's goal is cancelled first."""
@@ -89,7 +84,8 @@ class Nav2Operation:
         except ActionFailedError as error:
             code, text = error.result.get("error_code", 0), error.result.get("error_msg", "")
             meaning = None if error.cancelled else meaning_of(int(code), str(text))
-            raise WorkFailedError(f"{error}: {_with_hint(*meaning)}" if meaning else str(error)) from error
+            details = "; ".join(part for part in meaning if part) if meaning else ""
+            raise WorkFailedError(f"{error}: {details}" if meaning else str(error)) from error
         except RosError as error:
             raise WorkFailedError(str(error)) from error
         if result.get("success") is False:
@@ -126,7 +122,3 @@ def _goal_fields(settings: Nav2OperationSettings, action: Action) -> dict[str, J
 def _number_of(action: Action, key: str) -> float:
     value = action.parameter(key)
     return float(value) if isinstance(value, int | float) else math.nan
-
-
-def _with_hint(reason: str, hint: str) -> str:
-    return f"{reason}; {hint}" if hint else reason

@@ -82,21 +82,11 @@ def make(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
         message = f"plug-in '{name}' failed to start: {_describe_error(error)}"
         raise PluginBrokenError(message) from error
     for plugin in found:
-        if not _is_plugin(plugin):
+        declared = isinstance(getattr(plugin, "declaration", None), ActionDeclaration)
+        if not declared or not callable(getattr(plugin, "start", None)):
             message = f"plug-in '{name}' returned {plugin!r}, which lacks declaration or start"
             raise PluginBrokenError(message)
     return found
-
-
-def _is_plugin(made: object) -> bool:
-    """Return whether an object from third-party code has the plug-in interface."""
-    declared = isinstance(getattr(made, "declaration", None), ActionDeclaration)
-    return declared and callable(getattr(made, "start", None))
-
-
-def installed_names() -> tuple[str, ...]:
-    """Return the names of all plug-ins."""
-    return tuple(_entry_points())
 
 
 def _wanted_plugins(settings: ActionSettings) -> Iterator[str]:
@@ -149,7 +139,14 @@ class ActionRegistry:
         for plugin in plugins:
             self._add_plugin(plugin)
         for plugin in installed.plugins:
-            self._add_if_free(plugin)
+            try:
+                self._add_plugin(plugin)
+            except ConfigurationError:
+                # A package that is only installed must not keep the robot from starting.
+                name = plugin.declaration.action_type
+                text = f"ignoring the plug-in action '{name}': the agent or its operations define it"
+                log.warning("ignoring an action of a plug-in", reason=text)
+                self.problems = (*self.problems, text)
 
     @property
     def declarations(self) -> Mapping[str, ActionDeclaration]:
@@ -162,15 +159,6 @@ class ActionRegistry:
     def plugin(self, action_type: str) -> ActionPlugin | None:
         """Return the plug-in that executes ``action_type``, None if there is none."""
         return self._plugins.get(action_type)
-
-    def _add_if_free(self, plugin: ActionPlugin) -> None:
-        try:
-            self._add_plugin(plugin)
-        except ConfigurationError:
-            name = plugin.declaration.action_type
-            text = f"ignoring the plug-in action '{name}': the agent or its operations define it"
-            log.warning("ignoring an action of a plug-in", reason=text)
-            self.problems = (*self.problems, text)
 
     def _add_plugin(self, plugin: ActionPlugin) -> None:
         action_type = plugin.declaration.action_type

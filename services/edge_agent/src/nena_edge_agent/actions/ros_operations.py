@@ -121,13 +121,14 @@ class MessageTemplate:
         self._shape = shape
         self._path = path
         self._any_of = any_of
-        found = list(template_problems(fields, values.names, path))
-        if not found:
-            known = list(_alternatives_in(fields, shape)) if any_of else [fields]
-            found += [line for each in known for line in problems(each, shape, values.types, path)]
-            found += [line for each in known for line in self._mapped_problems(each, shape, values)]
-        if found:
-            raise ConfigurationError(list(dict.fromkeys(found)))
+        flaws = list(template_problems(fields, values.names, path))
+        if not flaws:
+            for variant in _alternatives_in(fields, shape) if any_of else [fields]:
+                flaws += problems(variant, shape, values.types, path)
+                for name, value in values.mapped:
+                    flaws += problems(filled(variant, {name: value}), shape, {}, path)
+        if flaws:
+            raise ConfigurationError(list(dict.fromkeys(flaws)))
 
     def filled(self, values: Mapping[str, JsonValue]) -> FieldValues:
         """Return the fields with ``values`` inserted.
@@ -139,13 +140,9 @@ class MessageTemplate:
         fields = filled(self._fields, values)
         if not isinstance(fields, dict):
             raise FieldError(self._path)
-        for each in _alternatives_in(fields, self._shape) if self._any_of else [fields]:
-            conformed(each, self._shape, self._path)
+        for variant in _alternatives_in(fields, self._shape) if self._any_of else [fields]:
+            conformed(variant, self._shape, self._path)
         return fields
-
-    def _mapped_problems(self, fields: JsonValue, shape: Record, values: ActionValues) -> Iterable[str]:
-        for name, value in values.mapped:
-            yield from problems(filled(fields, {name: value}), shape, {}, self._path)
 
 
 def _alternatives_in(fields: JsonValue, shape: Shape) -> Iterator[JsonValue]:
@@ -185,7 +182,7 @@ class Answer:
         self._settings = settings
         self._match = MessageTemplate(settings.match, shape, values, f"{path}.match", any_of=True)
         self._failed = template(settings.failed, "failed")
-        self._report_progress = template(settings.progress, "progress")
+        self._in_progress = template(settings.progress, "progress")
         self._waiting: dict[int, Callable[[Fields], None]] = {}
         self._last: Fields | None = None
         port.subscribe(settings.topic, settings.type, self._on_message, qos=settings.qos)
@@ -202,9 +199,9 @@ class Answer:
             FieldError: a value does not fit its field.
 
         """
-        for each in (self._match, self._failed, self._report_progress):
-            if each:
-                each.filled(values)
+        for template in (self._match, self._failed, self._in_progress):
+            if template:
+                template.filled(values)
 
     def expect(self, values: Mapping[str, JsonValue], progress: Progress) -> asyncio.Future[str | None]:
         """Return a future that the answer completes: with the result, or a WorkFailedError.
@@ -214,9 +211,9 @@ class Answer:
         answered: asyncio.Future[str | None] = asyncio.get_running_loop().create_future()
         match = self._match.filled(values)
         failed = self._failed.filled(values) if self._failed else None
-        in_progress = self._report_progress.filled(values) if self._report_progress else None
+        in_progress = self._in_progress.filled(values) if self._in_progress else None
 
-        def look(message: Fields) -> None:
+        def check_message(message: Fields) -> None:
             if answered.done():
                 return
             text = self._result_text(message)
@@ -228,10 +225,10 @@ class Answer:
             elif in_progress is not None and matches(message, in_progress):
                 progress(text or self.words)
 
-        self._waiting[id(answered)] = look
+        self._waiting[id(answered)] = check_message
         answered.add_done_callback(lambda _: self._waiting.pop(id(answered), None))
         if self._last is not None and self._settings.qos is TopicQos.LATCHED:
-            look(self._last)
+            check_message(self._last)
         return answered
 
     def _result_text(self, message: Fields) -> str | None:
@@ -240,8 +237,8 @@ class Answer:
 
     def _on_message(self, message: Fields) -> None:
         self._last = message
-        for look in list(self._waiting.values()):
-            look(message)
+        for check_message in list(self._waiting.values()):
+            check_message(message)
 
 
 SUCCESS = "success"
@@ -273,7 +270,7 @@ class Call:
         self._client = client
         self._request = MessageTemplate(settings.fields, request, values, f"{path}.fields")
         self._expected = MessageTemplate(expected, response, values, f"{path}.expect", any_of=True)
-        self._result_text = (
+        self._result_path = (
             settings.result if settings.result is not None else MESSAGE if MESSAGE in has else ""
         )
 
@@ -298,7 +295,7 @@ class Call:
         response = await self._client.call(
             self._request.filled(values), seconds=self._settings.response_timeout
         )
-        result = value_at(response, self._result_text) if self._result_text else None
+        result = value_at(response, self._result_path) if self._result_path else None
         text = None if result in (None, "") else str(result)
         if not matches(response, self._expected.filled(values)):
             message = text or f"{self._settings.service} reported failure"
@@ -343,9 +340,9 @@ class Command:
             FieldError: a value does not fit its field.
 
         """
-        for each in (self._begin, self._pause, self._resume, self._cancel):
-            if each:
-                each.filled(values)
+        for template in (self._begin, self._pause, self._resume, self._cancel):
+            if template:
+                template.filled(values)
 
     async def wait_for_subscriber(self) -> None:
         """Wait until a node subscribes.
@@ -482,7 +479,9 @@ class _Running(BackgroundAction):
         answered = steps.answer.expect(self._values, self._report_progress) if steps.answer else None
         try:
             if steps.command:
-                await self._send_command(steps.command)
+                await self._resumed.wait()
+                steps.command.begin(self._values)
+                self._commanded = True
             if steps.call:
                 result = await steps.call.do(self._values)
             if steps.answer and answered:
@@ -491,25 +490,17 @@ class _Running(BackgroundAction):
             if steps.lasting:
                 await asyncio.get_running_loop().create_future()
         except asyncio.CancelledError:
-            self._cancel_command()
+            if steps.command and self._commanded:
+                try:
+                    steps.command.cancel(self._values)
+                except (RosError, FieldError) as error:
+                    log.warning("an action could not be cancelled", reason=str(error))
             raise
         finally:
             if answered:
                 answered.cancel()
         return result
 
-    async def _send_command(self, command: Command) -> None:
-        await self._resumed.wait()
-        command.begin(self._values)
-        self._commanded = True
-
     def _report_progress(self, text: str) -> None:
         if self._resumed.is_set():
             self._report(ActionReport(self._action_id, ActionStatus.RUNNING, text))
-
-    def _cancel_command(self) -> None:
-        if self._steps.command and self._commanded:
-            try:
-                self._steps.command.cancel(self._values)
-            except (RosError, FieldError) as error:
-                log.warning("an action could not be cancelled", reason=str(error))

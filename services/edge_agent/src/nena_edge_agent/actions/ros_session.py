@@ -111,16 +111,11 @@ def session_actions(switch: SessionSwitch) -> tuple[ActionPlugin, ...]:
         needs_idle=True,
         description="Moves the robot to another namespace or domain; refused while an order is active.",
     )
-    works = ((start, _start_session), (stop, _stop_session), (configure, _configure_session))
-    return tuple(SessionAction(declaration, work, switch) for declaration, work in works)
-
-
-async def _start_session(switch: SessionSwitch, _: Action) -> None:
-    await switch.manager.start()
-
-
-async def _stop_session(switch: SessionSwitch, _: Action) -> None:
-    await switch.manager.stop()
+    return (
+        SessionAction(start, lambda switch, _: switch.manager.start(), switch),
+        SessionAction(stop, lambda switch, _: switch.manager.stop(), switch),
+        SessionAction(configure, _configure_session, switch),
+    )
 
 
 async def _configure_session(switch: SessionSwitch, action: Action) -> None:

@@ -273,7 +273,7 @@ class SimulationControl:
         if self._robot:
             self._robot.driver.set_charging(charging=charging)
 
-    def apply(self, command: AnyCommand) -> None:
+    def apply(self, command: AnyCommand) -> None:  # noqa: C901, PLR0912 - a case for each command
         """Apply ``command``.
 
         Raises:
@@ -289,16 +289,36 @@ class SimulationControl:
                 self._cut_link(seconds)
             case SwitchFieldViolation() | PressEmergencyStop() | AcknowledgeEmergencyStop():
                 _change_safety(robot, command)
-            case SwitchOperatingMode() | SwitchError() | SwitchPauseButton() | ReleaseTrigger():
-                robot.put(_event_of(command))
-            case _:
-                _command_driver(robot.driver, command)
+            case SwitchOperatingMode(mode=mode):
+                robot.put(OperatingModeSwitched(mode))
+            case SwitchError(active=active):
+                robot.put(ErrorSwitched(command.entry, active))
+            case SwitchPauseButton(pressed=pressed):
+                robot.put(PauseButton(pressed))
+            case ReleaseTrigger(trigger_type=trigger_type):
+                robot.put(LocalTrigger(trigger_type))
+            case SwitchLocalization(localized=localized):
+                robot.driver.set_localized(localized=localized)
+            case SwitchNavigation(available=available, reason=reason):
+                robot.driver.set_navigation(available=available, reason="" if available else reason)
+            case MakeUnreachable(active=active):
+                robot.driver.set_unreachable(command.circle, active=active)
+            case RemoveRoute(active=active):
+                robot.driver.set_no_route(command.circle, active=active)
+            case SwitchCharging(charging=charging):
+                robot.driver.set_charging(charging=charging)
+            case SetBattery(state_of_charge=charge):
+                robot.driver.set_charge(charge)
+            case MoveByHand():
+                robot.driver.carry_to(command.x, command.y, command.theta, command.map_id)
+            case SetSpeed(speed=speed):
+                robot.driver.set_speed(speed)
 
 
 def _change_safety(
     robot: _Robot, command: SwitchFieldViolation | PressEmergencyStop | AcknowledgeEmergencyStop
 ) -> None:
-    """Change the safety state; stop the robot before its core knows, as a safety circuit does."""
+    """Change the safety state."""
     match command:
         case SwitchFieldViolation(active=active):
             robot.safety = replace(robot.safety, field_violation=active)
@@ -306,41 +326,10 @@ def _change_safety(
             robot.safety = replace(robot.safety, emergency_stop=stop)
         case AcknowledgeEmergencyStop():
             robot.safety = replace(robot.safety, emergency_stop=EmergencyStop.NONE)
+    # Before the core knows, as a safety circuit does.
     if not isinstance(command, AcknowledgeEmergencyStop):
         robot.driver.stop_at_once()
     robot.put(robot.safety)
-
-
-def _event_of(command: SwitchOperatingMode | SwitchError | SwitchPauseButton | ReleaseTrigger) -> Event:
-    match command:
-        case SwitchOperatingMode(mode=mode):
-            return OperatingModeSwitched(mode)
-        case SwitchError(active=active):
-            return ErrorSwitched(command.entry, active)
-        case SwitchPauseButton(pressed=pressed):
-            return PauseButton(pressed)
-        case ReleaseTrigger(trigger_type=trigger_type):
-            return LocalTrigger(trigger_type)
-
-
-def _command_driver(driver: LoopbackDriver, command: AnyCommand) -> None:
-    match command:
-        case SwitchLocalization(localized=localized):
-            driver.set_localized(localized=localized)
-        case SwitchNavigation(available=available, reason=reason):
-            driver.set_navigation(available=available, reason="" if available else reason)
-        case MakeUnreachable(active=active):
-            driver.set_unreachable(command.circle, active=active)
-        case RemoveRoute(active=active):
-            driver.set_no_route(command.circle, active=active)
-        case SwitchCharging(charging=charging):
-            driver.set_charging(charging=charging)
-        case SetBattery(state_of_charge=charge):
-            driver.set_charge(charge)
-        case MoveByHand():
-            driver.carry_to(command.x, command.y, command.theta, command.map_id)
-        case SetSpeed(speed=speed):
-            driver.set_speed(speed)
 
 
 log = get_logger(__name__)
@@ -400,18 +389,14 @@ def _execute_message(control: SimulationControl, message: Inbound) -> tuple[str,
 
 def _answer_of(payload: bytes, problems: tuple[str, ...]) -> bytes:
     """Return the answer, with the ID and name of the command if they are readable."""
-    answer: dict[str, Any] = {"accepted": not problems}
-    if problems:
-        answer["problems"] = problems
-    return json.dumps(_id_and_name(payload) | answer).encode()
-
-
-def _id_and_name(payload: bytes) -> dict[str, str]:
-    """Return the ID and name of a command, if they are readable."""
     try:
         command = json.loads(payload[:MAXIMUM_PAYLOAD])
     except (ValueError, RecursionError):
-        return {}
-    if not isinstance(command, dict):
-        return {}
-    return {key: value for key in ("id", "command") if isinstance(value := command.get(key), str)}
+        command = None
+    answer: dict[str, Any] = {}
+    if isinstance(command, dict):
+        answer = {key: value for key in ("id", "command") if isinstance(value := command.get(key), str)}
+    answer["accepted"] = not problems
+    if problems:
+        answer["problems"] = problems
+    return json.dumps(answer).encode()

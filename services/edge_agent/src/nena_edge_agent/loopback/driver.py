@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import atan2, copysign, cos, dist, inf, sin
 
@@ -180,7 +179,7 @@ class LoopbackDriver:
         self._settings = settings
         self._emit = emit
         self._clock = clock
-        self._pose_along = start
+        self._pose = start
         self._speed = speed or settings.speed
         self._speed_limit = inf
         self._localized = True
@@ -216,16 +215,21 @@ class LoopbackDriver:
         """Drive straight to ``goal`` from where the robot is."""
         # Also a goal that is sent again: its speed may have changed.
         self._stop_here()
-        if problem := self._goal_problem(goal):
-            self._call_soon(
-                lambda: self._emit(port.DriveFailed(goal.generation, port.DriveFailure.ABORTED, problem))
-            )
+        problem = ""
+        if goal.pose.map_id != self._pose.map_id:
+            problem = f"the robot is on map '{self._pose.map_id}', the goal on '{goal.pose.map_id}'"
+        elif any(circle.holds(goal.pose.x, goal.pose.y) for circle in self._unreachable):
+            problem = "the goal is unreachable"
+        if problem:
+            failure = port.DriveFailed(goal.generation, port.DriveFailure.ABORTED, problem)
+            # As from Nav2: no answer arrives before go_to has returned.
+            asyncio.get_running_loop().call_soon(self._emit, failure)
             return
         if self._battery.charging:
             self.set_charging(charging=False)
         self._goal = goal
         self._motion = Motion(
-            start=self._pose_along,
+            start=self._pose,
             goal=goal.pose,
             begin=self._clock.monotonic(),
             speed=min(self._speed, goal.maximum_speed or inf, self._speed_limit),
@@ -239,12 +243,12 @@ class LoopbackDriver:
         if isinstance(self._motion, Braking):
             return  # it confirms the halt at standstill
         motion, now = self._motion, self._clock.monotonic()
-        slowing = braking(motion, now, self._settings.deceleration) if motion else None
+        braking_motion = braking(motion, now, self._settings.deceleration) if motion else None
         self._stop_here()
-        if slowing is None:
-            self._call_soon(self._confirm_halt)
+        if braking_motion is None:
+            asyncio.get_running_loop().call_soon(self._confirm_halt)
         else:
-            self._motion = slowing
+            self._motion = braking_motion
             self._await_step()
 
     def reclaim(self, goals: port.OwnGoals) -> None:
@@ -262,22 +266,22 @@ class LoopbackDriver:
     def initialize_position(self, pose: port.Pose) -> None:
         """Move to ``pose`` at once."""
         self._stop_here()
-        self._pose_along, self._localized = pose, True
-        self._call_soon(self._position_set)
+        self._pose, self._localized = pose, True
+        asyncio.get_running_loop().call_soon(self._confirm_position)
 
     def stop_at_once(self) -> None:
         """Stop at once, as after an emergency stop or a field violation."""
-        slowing = isinstance(self._motion, Braking)
+        braking_motion = isinstance(self._motion, Braking)
         self._stop_here()
         self._report_pose(0.0, 0.0)
-        if slowing:
+        if braking_motion:
             self._emit(port.Halted())
 
     def carry_to(self, x: float, y: float, theta: float, map_id: str | None = None) -> None:
         """Place the robot at another pose (m, rad); a current goal continues from there."""
         goal = self._goal
         self.stop_at_once()
-        self._pose_along = port.Pose(x, y, theta, map_id or self._pose_along.map_id)
+        self._pose = port.Pose(x, y, theta, map_id or self._pose.map_id)
         self._report_pose(0.0, 0.0)
         if goal:
             self.go_to(goal)
@@ -331,14 +335,6 @@ class LoopbackDriver:
         self._battery.set_level(self._clock.monotonic(), charge)
         self._report_battery()
 
-    def _goal_problem(self, goal: port.DriveGoal) -> str | None:
-        """Return why ``goal`` cannot be reached."""
-        if goal.pose.map_id != self._pose_along.map_id:
-            return f"the robot is on map '{self._pose_along.map_id}', the goal on '{goal.pose.map_id}'"
-        if any(circle.holds(goal.pose.x, goal.pose.y) for circle in self._unreachable):
-            return "the goal is unreachable"
-        return None
-
     def _stop_here(self) -> None:
         """Drop the goal and stop at the current pose."""
         if self._timer is not None:
@@ -350,9 +346,9 @@ class LoopbackDriver:
 
     def _move_along(self, motion: Motion | Braking) -> tuple[float, float]:
         """Move the robot along ``motion``; return speed and turning rate."""
-        start = self._pose_along
-        self._pose_along, vx, omega = motion.at(self._clock.monotonic())
-        self._battery.drive(dist((start.x, start.y), (self._pose_along.x, self._pose_along.y)))
+        start = self._pose
+        self._pose, vx, omega = motion.at(self._clock.monotonic())
+        self._battery.drive(dist((start.x, start.y), (self._pose.x, self._pose.y)))
         return vx, omega
 
     def _await_step(self) -> None:
@@ -401,17 +397,13 @@ class LoopbackDriver:
         self._report_pose(0.0, 0.0)
         self._emit(port.Halted())
 
-    def _position_set(self) -> None:
+    def _confirm_position(self) -> None:
         self._report_pose(0.0, 0.0)
         self._emit(port.PositionInitialized(succeeded=True, description=""))
 
     def _report_pose(self, vx: float, omega: float) -> None:
-        self._emit(port.PoseReport(self._pose_along, localized=self._localized, vx=vx, omega=omega))
+        self._emit(port.PoseReport(self._pose, localized=self._localized, vx=vx, omega=omega))
 
     def _report_battery(self) -> None:
         self._reported_charge = self._charge_level
         self._emit(port.BatteryReport(state_of_charge=self._reported_charge, charging=self._battery.charging))
-
-    def _call_soon(self, step: Callable[[], None]) -> None:
-        """Call ``step`` from the event loop, after the current call has returned."""
-        asyncio.get_running_loop().call_soon(step)

@@ -21,14 +21,6 @@ from nena_shared.vda5050.factsheet import ActionScope
 DIRECTION = "direction"
 
 
-def _wait_for_message(operation: SignalOperationSettings, maker: OperationMaker) -> ActionPlugin:
-    return maker.ros_action(operation, RosParts(answer=operation.answer))
-
-
-def _make_charge(operation: ChargeOperationSettings, maker: OperationMaker) -> ActionPlugin:
-    return maker.ros_action(operation, RosParts(operation.command, operation.call, operation.confirmation))
-
-
 def _set_turn_signal(operation: TurnSignalSettings, maker: OperationMaker) -> ActionPlugin:
     direction = ParameterSettings(key=DIRECTION, values=operation.values, description="what the signal shows")
     command = CommandSettings(
@@ -41,16 +33,22 @@ def _set_turn_signal(operation: TurnSignalSettings, maker: OperationMaker) -> Ac
     return maker.ros_action(directed, RosParts(command, lasting=operation.scopes == (ActionScope.EDGE,)))
 
 
-def _make_dock(operation: DockOperationSettings, maker: OperationMaker) -> ActionPlugin:
-    return Docking(operation, maker.context.drive)
-
-
 class ActionKinds(Extension):
     """Adds the kinds ``signal``, ``charge``, ``turn_signal`` and ``dock``."""
 
     kinds: ClassVar[Mapping[str, OperationKind]] = {
-        "signal": OperationKind(SignalOperationSettings, _wait_for_message),
-        "charge": OperationKind(ChargeOperationSettings, _make_charge),
+        "signal": OperationKind(
+            SignalOperationSettings,
+            lambda operation, maker: maker.ros_action(operation, RosParts(answer=operation.answer)),
+        ),
+        "charge": OperationKind(
+            ChargeOperationSettings,
+            lambda operation, maker: maker.ros_action(
+                operation, RosParts(operation.command, operation.call, operation.confirmation)
+            ),
+        ),
         "turn_signal": OperationKind(TurnSignalSettings, _set_turn_signal),
-        "dock": OperationKind(DockOperationSettings, _make_dock),
+        "dock": OperationKind(
+            DockOperationSettings, lambda operation, maker: Docking(operation, maker.context.drive)
+        ),
     }
