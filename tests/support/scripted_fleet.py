@@ -394,7 +394,7 @@ def later(engine: Engine, seconds: float) -> None:
     """Advance the time of an engine made by :func:`make_engine`."""
     assert isinstance(engine.clock, ManualClock)
     engine.clock.advance(seconds)
-    engine.look()
+    engine.run_checks()
 
 
 def sent(fleet: ScriptedFleet) -> list[tuple[str, str]]:
@@ -406,7 +406,7 @@ def reason_of(engine: Engine, name: str = "V1") -> str:
     """Return the reason in the status of a vehicle, which has to be there."""
     vehicle = engine.registry.named(name)
     assert vehicle
-    return engine.status(vehicle).reason
+    return engine.reporter.vehicle_status(vehicle).reason
 
 
 def status_of(engine: Engine, name: str = "T") -> TransportOrderStatus:

@@ -183,7 +183,7 @@ class EngineSimulation:
     def _barred(self, robot: DrivingRobot) -> bool:
         """Return whether a robot does not park for the sake of others, which have made room often enough."""
         vehicle = self.engine.registry.of(robot.key)
-        return vehicle is not None and str(BARRED) in self.engine.status(vehicle).reason
+        return vehicle is not None and str(BARRED) in self.engine.reporter.vehicle_status(vehicle).reason
 
     def _parks(self, robot: DrivingRobot) -> bool:
         return self.plant.point(robot.last_node_id).type is PointType.PARK_POSITION
@@ -248,7 +248,7 @@ class EngineSimulation:
 
     def _look(self) -> None:
         self.timeline.after(LOOK, self._look)
-        self.engine.look()
+        self.engine.run_checks()
 
     def _report(self, robot: DrivingRobot) -> None:
         self.timeline.after(REPORT_EACH, lambda: self._report(robot))
@@ -386,7 +386,10 @@ class EngineSimulation:
     def _story(self) -> str:
         lines = [f"{self.timeline.clock.seconds:.1f} s, {self.kills} kills, {self.breaks} breaks"]
         for vehicle in self.engine.registry:
-            status, held = self.engine.status(vehicle), self.engine.traffic.held(vehicle.name)
+            status, held = (
+                self.engine.reporter.vehicle_status(vehicle),
+                self.engine.traffic.held(vehicle.name),
+            )
             lines.append(
                 f"{vehicle.name} {status.connection} on {self.robots[vehicle.key].body}, "
                 f"holds {[each.point for each in held]}, {status.transport_order}: {status.reason}"

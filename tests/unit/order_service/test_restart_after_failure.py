@@ -78,8 +78,8 @@ async def test_it_is_rebuilt_from_the_store(settings: OrderServiceSettings) -> N
 async def test_periodic_checks_do_not_end_the_program(
     settings: OrderServiceSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("nena_order_service.engine.engine.LOOK_INTERVAL", 0.01)
-    monkeypatch.setattr("nena_order_service.engine.engine.FIRST_LOOKS", 0.01)
+    monkeypatch.setattr("nena_order_service.engine.engine.CHECK_INTERVAL", 0.01)
+    monkeypatch.setattr("nena_order_service.engine.engine.FIRST_CHECK_INTERVAL", 0.01)
     store = Store(open_database(settings.store.location()))
     async with Supervisor() as supervisor:
         runner = ServiceRunner(

@@ -168,7 +168,9 @@ class ServiceRunner:
     async def _replace_service(self, service: OrderService, commit: Callable[[], Awaitable[None]]) -> None:
         """Run ``service`` in place of the present one, from what is stored after ``commit``."""
         old = self.service
-        absent = old.engine.absent()  # a location that is locked does not hold the fleet for half a minute
+        absent = (
+            old.engine.absent_robots()
+        )  # a location that is locked does not hold the fleet for half a minute
         await self._end_service(old)
         await commit()
         self.service = service

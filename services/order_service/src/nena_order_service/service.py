@@ -158,7 +158,7 @@ class OrderService:
     ) -> None:
         """Restore the store's content, then start all parts; ``start`` starts their tasks.
 
-        ``absent``: robots that need not be waited for, see :meth:`Engine.absent`.
+        ``absent``: robots that need not be waited for, see :meth:`Engine.absent_robots`.
         ``previous``: the extensions of the order service that this one replaces.
         """
         await self.hosts.load()

@@ -50,7 +50,7 @@ async def test_wait_reasons_of_a_long_queue_are_updated_bit_by_bit() -> None:
 
     engine.set_integration_level(away, IntegrationLevel.TO_BE_RESPECTED)
     assert outdated() == [f"T{index}" for index in range(REASONS_PER_CHECK, REASONS_PER_CHECK + 50)]
-    engine.look()
+    engine.run_checks()
     assert outdated() == []
 
 
@@ -88,7 +88,7 @@ async def test_a_whole_fleet_is_dispatched_at_once() -> None:
         engine.create(request(f"P{index}"), f"T{index}")
     assert fleet.sent == []
     fleet.out_of_order.clear()
-    engine.look()
+    engine.run_checks()
     assert not len(engine.state.orders.waiting)
     await until(lambda: len(fleet.sent) == number)
     assert all(robot[1:] == vda_order.order_id[1:-2] for robot, vda_order in fleet.sent)

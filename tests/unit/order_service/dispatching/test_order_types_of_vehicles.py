@@ -36,10 +36,10 @@ async def test_an_order_waits_until_its_type_is_accepted_also_after_a_restart() 
     store = MemoryStore()
     engine, vehicle = await make(store)
     engine.create(request("B", type="Transport"), "T")
-    engine.look()
+    engine.run_checks()
     said = "accepts no orders of type 'Transport', only 'Charge', 'Park'"
     assert status_of(engine, "T").reason == f"waits for a vehicle: each of them {said}"
-    assert "no waiting order suits it" in engine.status(vehicle).reason
+    assert "no waiting order suits it" in engine.reporter.vehicle_status(vehicle).reason
 
     engine.accept_order_types(vehicle, ())
     assert status_of(engine, "T").reason.endswith("each of them accepts no orders of any type")
@@ -62,10 +62,10 @@ async def test_an_order_past_its_deadline_is_late_and_continues() -> None:
     engine, vehicle = await make(MemoryStore())
     engine.create(request("B", type="Charge", deadline=datetime(2000, 1, 1, tzinfo=UTC)), "T")
     assert not status_of(engine, "T").late
-    engine.look()
-    engine.look()
+    engine.run_checks()
+    engine.run_checks()
     told = status_of(engine, "T")
     assert told.late
     assert told.state is TransportOrderState.BEING_PROCESSED
     assert [entry.event_code for entry in told.history].count("nena:deadlinePassed") == 1
-    assert engine.status(vehicle).transport_order == "T"
+    assert engine.reporter.vehicle_status(vehicle).transport_order == "T"

@@ -70,7 +70,7 @@ async def test_a_retry_with_a_delay_sends_a_new_vda_order() -> None:
     assert [kind for kind, _ in answers(fleet)] == ["skipRetry"]
     fleet.fail("V1", "the action has failed", FailureKind.ACTION, at="B")
     engine.clock.advance(10)  # type: ignore[attr-defined] # the clock of make_engine
-    engine.look()
+    engine.run_checks()
 
     assert fleet.sent[-1][1].order_id == "T-0~1"
 

@@ -78,7 +78,7 @@ class Site:
     def vehicle(self, name: str) -> VehicleStatus:
         vehicle = self.engine.registry.named(name)
         assert vehicle
-        return self.engine.status(vehicle)
+        return self.engine.reporter.vehicle_status(vehicle)
 
     def withdraw(self, name: str) -> None:
         found = self.engine.state.orders.named(name)
@@ -142,7 +142,7 @@ async def test_the_policy_defines_the_effect_of_a_failed_dependency(
     site.create("T-2", "C", dependencies=["T-1"], onDependencyFailure=policy)
     site.create("T-3", "C", dependencies=["T-2"])
     site.fleet.fail("V1")
-    site.engine.look()
+    site.engine.run_checks()
     assert (site.order("T-2").state, said in site.order("T-2").reason) == (state, True)
     assert site.order("T-2").held is None or policy == "HOLD"
     assert site.order("T-3").state is (S.FAILED if policy == "FAIL" else S.ACTIVE)
@@ -350,7 +350,7 @@ def _let_go_on(site: Site) -> None:
         if not site.fleet.finish(robot.serial_number) and robot.serial_number in site.fleet.cancelled:
             site.fleet.confirm_cancel(robot.serial_number)
     site.clock.advance(RELOCATION_PAUSE)
-    site.engine.look()
+    site.engine.run_checks()
 
 
 def _check(site: Site, asked: dict[str, dict[str, Any]]) -> None:

@@ -63,7 +63,9 @@ async def test_a_vehicle_that_kept_a_load_drops_it_before_it_picks_up_another_on
     assert order
     carries = "carries a load and has no room for another one"
     assert order.status.reason == f"waits for vehicle 'V1', which {carries}"
-    assert [str(each.reason) for each in await engine.explain(order) if each.vehicle == "V1"] == [carries]
+    assert [str(each.reason) for each in engine.dispatching.explain(order) if each.vehicle == "V1"] == [
+        carries
+    ]
 
     engine.create(request("B:Unload", intendedVehicle="V1"), "drop")
     assert [vda_order.order_id for _, vda_order in fleet.sent] == ["drop-0"]
@@ -76,10 +78,10 @@ async def test_no_vehicle_is_reserved_for_an_order_intended_for_another() -> Non
     engine, _ = await make(energy={"respected": False})
     engine.create(request("B", intendedVehicle="V2"), "first")
     engine.create(request("A", intendedVehicle="V2"), "T")
-    order, dispatching = engine.state.orders.named("T"), engine._dispatching
+    order, dispatching = engine.state.orders.named("T"), engine.dispatching
     assert order
     dispatching._kept[order.number] = "V1"
-    engine.look()
+    engine.run_checks()
     assert dispatching._kept == {}
 
 
@@ -92,7 +94,7 @@ async def test_a_vehicle_gets_no_order_before_its_map_is_enabled() -> None:
     vehicle = engine.registry.named("V1")
     assert vehicle
     assert fleet.sent == []
-    assert engine.status(vehicle).reason == "has no version of map 'map' enabled (enableMap)"
+    assert engine.reporter.vehicle_status(vehicle).reason == "has no version of map 'map' enabled (enableMap)"
     fleet.fields["V1"] = {"maps": ({**told, "map_status": "ENABLED"},)}
     fleet.appear("V1", "A")
     assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0"]
@@ -173,13 +175,13 @@ async def test_a_state_that_changes_nothing_starts_no_decision(monkeypatch: pyte
     fleet.out_of_order.update(("V1", "V2"))
     engine.create(request("B", intendedVehicle="V2"), "T")
     decisions: list[int] = []
-    decide = engine._life_cycle._assign_waiting
+    decide = engine.life_cycle._assign_waiting
 
     def counted(orders: Sequence[TransportOrder]) -> None:
         decisions.append(len(orders))
         decide(orders)
 
-    monkeypatch.setattr(engine._life_cycle, "_assign_waiting", counted)
+    monkeypatch.setattr(engine.life_cycle, "_assign_waiting", counted)
     fleet.appear("V2", "C")
     fleet.appear("V2", "C")
     assert decisions == []
@@ -204,15 +206,15 @@ async def test_after_a_long_decision_the_next_one_waits_and_assigns_the_urgent_o
 ) -> None:
     engine, fleet = await make(energy={"respected": False})
     fleet.out_of_order.update(("V1", "V2"))
-    decide = engine._life_cycle.dispatch_orders
+    decide = engine.life_cycle.dispatch_orders
 
     def long_decision() -> None:
         decide()
         engine.clock.advance(0.01)  # type: ignore[attr-defined]
 
-    monkeypatch.setattr(engine._life_cycle, "dispatch_orders", long_decision)
+    monkeypatch.setattr(engine.life_cycle, "dispatch_orders", long_decision)
     engine.create(request("B"), "first")
-    monkeypatch.setattr(engine._life_cycle, "dispatch_orders", decide)
+    monkeypatch.setattr(engine.life_cycle, "dispatch_orders", decide)
     fleet.out_of_order.discard("V2")
     fleet.appear("V2", "C")
     engine.create(request("C", priority=5), "urgent")
@@ -229,13 +231,13 @@ async def test_a_repeated_decision_needs_no_search(monkeypatch: pytest.MonkeyPat
     assert order
     assert order.state is TransportOrderState.DISPATCHABLE
     fleet.out_of_order.clear()
-    assert [each.cost for each in await engine.explain(order)] == [4000, 4000]
+    assert [each.cost for each in engine.dispatching.explain(order)] == [4000, 4000]
 
     def no_search(*_: object) -> None:
         pytest.fail("the costs were known")
 
     monkeypatch.setattr(graph.RoutingGraph, "costs_to", no_search)
-    assert [each.fits for each in await engine.explain(order)] == [True, True]
+    assert [each.fits for each in engine.dispatching.explain(order)] == [True, True]
 
 
 async def test_a_vehicle_that_moved_without_an_event_starts_where_it_is() -> None:

@@ -201,7 +201,9 @@ async def test_a_robot_that_rests_in_the_way_makes_room_without_an_order() -> No
     assert (robot, base(evasion)) == ("V2", ["B", "P"])
     assert evasion.order_id.startswith("evasion-")
     assert reason(engine, "T-1").endswith("but it waits for V2, which stands on 'B'")
-    assert engine.status(engine.registry.discover(key("V2"))).reason == "makes room for others"
+    assert (
+        engine.reporter.vehicle_status(engine.registry.discover(key("V2"))).reason == "makes room for others"
+    )
 
     vehicles = VehicleOperations(engine, OrderOperations(engine))
     shutdown = InstantActionRequest(action_type="shutdown")
@@ -227,7 +229,7 @@ async def test_a_failed_evasion_is_retried_later() -> None:
     assert len(fleet.sent) == 1
 
     engine.clock.advance(RELOCATION_PAUSE)  # type: ignore[attr-defined] # the clock of make_engine
-    engine.look()
+    engine.run_checks()
 
     assert [robot for robot, _ in fleet.sent] == ["V2", "V2"]
 
@@ -256,7 +258,10 @@ async def test_unsent_orders_are_withdrawn_at_once() -> None:
     engine.withdraw(order.number, "no longer wanted")
 
     assert reason(engine, "T-1") == "withdrawn before the vehicle had started: no longer wanted"
-    assert engine.status(engine.registry.discover(key("V1"))).reason == "idle: no waiting orders"
+    assert (
+        engine.reporter.vehicle_status(engine.registry.discover(key("V1"))).reason
+        == "idle: no waiting orders"
+    )
 
 
 async def test_a_cancelled_robot_keeps_what_it_held_until_it_is_seen_standing() -> None:
@@ -269,7 +274,9 @@ async def test_a_cancelled_robot_keeps_what_it_held_until_it_is_seen_standing() 
     fleet.confirm_cancel("V1")
 
     assert {each.point for each in engine.traffic.held("V1")} >= {"A", "B", "C"}
-    assert "not been seen standing" in engine.status(engine.registry.discover(key("V1"))).reason
+    assert (
+        "not been seen standing" in engine.reporter.vehicle_status(engine.registry.discover(key("V1"))).reason
+    )
     assert not any(robot == "V2" for robot, _ in fleet.sent)
 
     fleet.fields.clear()

@@ -179,16 +179,16 @@ async def test_order_whose_vehicle_is_not_located_waits_until_it_is(
 async def test_vehicle_with_a_changed_reason_is_published_once(engine: Engine, fleet: ScriptedFleet) -> None:
     ear = Ear()
     engine.unit_of_work.listeners.append(ear)
-    engine.look()
+    engine.run_checks()
     assert [status.name for status in ear.vehicles] == ["V1", "V2"]
     engine.create(request("B", intendedVehicle="V2"), "T")
-    engine.look()
-    engine.look()
+    engine.run_checks()
+    engine.run_checks()
     assert [status.name for status in ear.vehicles[2:]] == ["V1"]
     assert ear.vehicles[-1].reason == "idle: no waiting order suits it"
     fleet.at["V2"] = "D"
-    engine.look()
-    assert engine.status(engine.registry.discover(key("V2"))).transport_order == "T"
+    engine.run_checks()
+    assert engine.reporter.vehicle_status(engine.registry.discover(key("V2"))).transport_order == "T"
 
 
 async def test_robot_that_appears_gets_its_waiting_order(engine: Engine, fleet: ScriptedFleet) -> None:
@@ -317,7 +317,7 @@ def _let_all_end(engine: Engine, fleet: ScriptedFleet, rounds: int) -> None:
             if not fleet.finish(robot.serial_number) and robot.serial_number in fleet.cancelled:
                 fleet.confirm_cancel(robot.serial_number)
         engine.clock.advance(RELOCATION_PAUSE)  # type: ignore[attr-defined] # the clock of make_engine
-        engine.look()
+        engine.run_checks()
 
 
 async def _play(steps: list[str], chance: Random) -> None:
@@ -366,7 +366,7 @@ async def test_looking_at_all_vehicles_takes_a_limited_share_of_the_time(
 ) -> None:
     """Each check takes so many seconds; what depends on the time alone is checked each time."""
     engine = await make_engine(PLANT, MemoryStore(), ScriptedFleet({"V1": "A", "V2": "C"}))
-    now, looks, look = count(), list[int](), engine.look
+    now, looks, look = count(), list[int](), engine.run_checks
 
     def looked(vehicles: Collection[FleetVehicle]) -> None:
         looks.append(len(vehicles))
@@ -378,7 +378,7 @@ async def test_looking_at_all_vehicles_takes_a_limited_share_of_the_time(
 
     monkeypatch.setattr(engine_module, "set_within", passes)
     monkeypatch.setattr(engine_module, "thread_time", lambda: next(now) * seconds)
-    monkeypatch.setattr(engine, "look", looked)
+    monkeypatch.setattr(engine, "run_checks", looked)
     checks = asyncio.create_task(engine.run())
     await until(lambda: len(looks) >= len(looked_at), what="some checks")
     checks.cancel()

@@ -57,7 +57,7 @@ async def site(
 def vehicle(engine: Engine, name: str = "V1") -> VehicleStatus:
     found = engine.registry.named(name)
     assert found
-    return engine.status(found)
+    return engine.reporter.vehicle_status(found)
 
 
 def fail_orders(engine: Engine, fleet: ScriptedFleet, *places: str, **more: Any) -> None:
@@ -109,7 +109,7 @@ async def test_a_finished_drive_brings_it_back() -> None:
     assert vehicle(engine).taken_out
 
     engine.create(request("D", intendedVehicle="V2"), "through")
-    engine.look()
+    engine.run_checks()
     assert "V1" in [name for name, _ in fleet.sent[3:]], "it makes room"
     fleet.finish("V1")
 

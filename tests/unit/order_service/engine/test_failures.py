@@ -76,12 +76,12 @@ async def test_a_retry_delay_is_reported_and_survives_a_restart() -> None:
 
     again, fleet = await make_two(store)
     again.clock.advance(59)  # type: ignore[attr-defined] # the clock of make_engine
-    again.look()
+    again.run_checks()
     assert fleet.sent == []
     assert status_of(again).next_try == now + timedelta(seconds=60)
 
     again.clock.advance(1)  # type: ignore[attr-defined] # the clock of make_engine
-    again.look()
+    again.run_checks()
     assert sent(fleet) == [("V1", "T-0~1")]
     assert fleet.finish("V1")
     assert status_of(again).state is S.FINISHED
@@ -94,7 +94,7 @@ async def test_another_vehicle_continues_and_the_first_never_gets_the_order_agai
     fleet.out_of_order.add("V2")
     fleet.fail("V1")
     assert (status_of(engine).state, status_of(engine).processing_vehicle) == (S.DISPATCHABLE, None)
-    engine.look()
+    engine.run_checks()
     assert status_of(engine).state is S.DISPATCHABLE
 
     fleet.out_of_order.clear()
@@ -169,10 +169,10 @@ async def test_after_a_failure_an_operator_resumes_it() -> None:
     assert status_of(engine).reason.startswith("held by failure policy since")
     vehicle = engine.registry.named("V1")
     assert vehicle
-    assert engine.status(vehicle).reason == status_of(engine).reason
+    assert engine.reporter.vehicle_status(vehicle).reason == status_of(engine).reason
 
     again, fleet = await make(store, V1="B", V2="H")
-    again.look()
+    again.run_checks()
     assert fleet.sent == []
     again.resume(order.number, "Ann", "wheel is back")
     assert sent(fleet) == [("V1", "T-0~1")]

@@ -32,7 +32,7 @@ async def test_a_waiting_order_is_not_assigned_while_held() -> None:
     assert status_of(engine).reason.startswith("held by Ann")
 
     again, fleet = await make(store, V1="A")
-    again.look()
+    again.run_checks()
     assert fleet.sent == []
     again.resume(order.number, "Ann", "go")
     assert status_of(again).processing_vehicle == "V1"
@@ -145,7 +145,7 @@ async def test_a_held_robot_keeps_its_position_and_others_report_why_they_wait()
     engine.hold(order.number, "Ann", "tea")
     fleet.confirm_cancel("V1")
     engine.create(request("C", intendedVehicle="V2"), "T2")
-    engine.look()
+    engine.run_checks()
 
     assert [robot for robot, _ in fleet.sent] == ["V1"]
     assert status_of(engine, "T2").reason.endswith("but it waits for V1, which stands on 'B'")
@@ -153,7 +153,7 @@ async def test_a_held_robot_keeps_its_position_and_others_report_why_they_wait()
 
     engine.resume(order.number, "Ann", "go")
     assert fleet.finish("V1")
-    engine.look()
+    engine.run_checks()
     assert key("V2") in fleet.missions
 
 
@@ -165,7 +165,7 @@ async def test_unsent_orders_are_not_sent_while_held() -> None:
     engine.hold(order.number, "Ann", "tea")
     fleet.out_of_order.clear()
     fleet.appear("V2", "P")
-    engine.look()
+    engine.run_checks()
     assert fleet.sent == []
 
     engine.resume(order.number, "Ann", "go")

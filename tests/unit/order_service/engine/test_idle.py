@@ -254,6 +254,6 @@ async def test_others_make_room_for_parking_a_limited_number_of_times() -> None:
 async def test_each_vehicle_has_a_reason_for_an_order() -> None:
     engine, _ = await make({"V1": "A"}, charge=20, parking={"enabled": False})
     order = engine.create(request("C"), "T")
-    found = {each.vehicle: str(each.reason) for each in await engine.explain(order)}
+    found = {each.vehicle: str(each.reason) for each in engine.dispatching.explain(order)}
     assert "critical" in found["V1"]
     assert found["V2"] == "is offline"

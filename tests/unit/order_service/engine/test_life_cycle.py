@@ -37,7 +37,7 @@ async def test_a_robot_lost_before_its_order_is_sent_is_named() -> None:
     engine, fleet = await make(MemoryStore(), V1="A", V2="B")
     engine.create(request("C", intendedVehicle="V1"), "T")
     del fleet.at["V1"]
-    engine.look()
+    engine.run_checks()
 
     assert status_of(engine, "T").reason.endswith("but the robot is offline")
     assert status_of(engine, "T").state is TransportOrderState.BEING_PROCESSED

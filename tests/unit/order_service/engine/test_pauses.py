@@ -29,7 +29,7 @@ async def restarted(**places: str) -> tuple[Engine, ScriptedFleet]:
 
 async def test_a_robot_whose_first_state_does_not_locate_it_is_waited_for() -> None:
     engine, fleet = await restarted()
-    engine.look()
+    engine.run_checks()
     assert status_of(engine).reason.endswith("but the robot is offline")
 
     fleet.appear("V1", "nowhere")

@@ -173,11 +173,11 @@ async def test_an_unacknowledged_job_is_sent_again_with_its_name_and_then_fails_
 
     for _ in range(2):
         site.clock.advance(5.0)
-        site.engine.look()
+        site.engine.run_checks()
     assert len({each.job_id for _, each in site.door.asked}) == 1
     assert site.door.operations == ["open"] * 3
     site.clock.advance(5.0)
-    site.engine.look()
+    site.engine.run_checks()
 
     assert site.states() == [PeripheralJobState.FAILED]
     assert site.door.cancelled == [site.door.asked[0][1].job_id]
@@ -196,7 +196,7 @@ async def test_nothing_times_out_while_the_broker_is_not_connected() -> None:
     site.fleet.connected = 0.0
 
     site.clock.advance(1000.0)
-    site.engine.look()
+    site.engine.run_checks()
 
     assert site.states() == [PeripheralJobState.BEING_PROCESSED]
 
@@ -207,7 +207,7 @@ async def test_a_job_that_takes_too_long_fails_and_a_late_answer_changes_nothing
     site.door.answer(D.ACKNOWLEDGED)
 
     site.clock.advance(60.0)
-    site.engine.look()
+    site.engine.run_checks()
     site.door.answer(D.FINISHED)
 
     assert site.states() == [PeripheralJobState.FAILED]
@@ -304,7 +304,7 @@ async def test_before_the_first_message_a_robot_at_the_door_waits_through_a_rest
     (asked,) = site.door.asked
 
     again = await started(site.engine.plant, store=site.store, at={"V1": "B"})
-    again.engine.look()
+    again.engine.run_checks()
     assert again.fleet.sent == []
     assert again.door.cancelled == []
     again.engine.on_device_answer("Door", DeviceAnswer(job_id=asked[1].job_id, state=D.FINISHED))
@@ -531,7 +531,7 @@ async def test_a_vehicle_in_a_door_is_named_by_those_that_wait_for_it(trigger: E
     site.fleet.pass_node("V1", 1)  # it may still reach into the door
     waiting = site.engine.registry.named("V2")
     assert waiting
-    wait = site.engine.status(waiting).wait
+    wait = site.engine.reporter.vehicle_status(waiting).wait
     assert wait
     assert (wait.vehicles, wait.cause) == (("V1",), WaitCause.PASSES)
     assert site.door.operations == ["open"]
@@ -545,7 +545,7 @@ async def test_a_robot_that_stopped_in_a_door_uses_it_until_it_is_out() -> None:
     site.fleet.fields["V1"] = {"mobile_robot_position": pose}
     site.engine.withdraw(order.number, "no longer wanted")
     site.fleet.confirm_cancel("V1")
-    site.engine.look()
+    site.engine.run_checks()
 
     site.engine.create_peripheral_job(
         PeripheralJobRequest(location="Door", operation="close", reservation_token="host"), "J-1"
@@ -641,7 +641,7 @@ async def test_the_job_of_a_device_that_becomes_unavailable_is_sent_again_when_i
     site.engine.on_device_state("Door", PeripheralState.UNAVAILABLE)
     assert site.reason() == "it waits for peripheral 'Door' to acknowledge 'open'; it reports UNAVAILABLE"
     site.clock.advance(59.0)
-    site.engine.look()
+    site.engine.run_checks()
     assert site.states() == [PeripheralJobState.BEING_PROCESSED]
 
     site.engine.on_device_state("Door", PeripheralState.IDLE)
@@ -650,7 +650,7 @@ async def test_the_job_of_a_device_that_becomes_unavailable_is_sent_again_when_i
     assert site.door.asked[0][1].job_id == site.door.asked[1][1].job_id
     site.engine.on_device_state("Door", PeripheralState.UNAVAILABLE)
     site.clock.advance(60.0)
-    site.engine.look()
+    site.engine.run_checks()
     assert status_of(site.engine, "T-1").reason.startswith("vehicle V1 travels")
     assert site.fleet.finish("V1")
     assert status_of(site.engine, "T-1").reason.endswith("within 60 s; it reports UNAVAILABLE")

@@ -187,7 +187,7 @@ class World:
 
     def later(self) -> None:
         self.site.clock.advance(self.random.choice((3.0, 10.0, 70.0)))
-        self.site.engine.look()
+        self.site.engine.run_checks()
 
     async def restart(self) -> None:
         """Restart the order service; the door is asked again for the job under way."""

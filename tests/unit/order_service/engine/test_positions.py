@@ -56,7 +56,7 @@ async def test_a_robot_without_a_position_keeps_its_resources() -> None:
     assert held(engine, "V1") == {"A"}
 
     del fleet.at["V1"]  # offline
-    engine.look()
+    engine.run_checks()
     assert held(engine, "V1") == {"A"}
 
 
@@ -130,7 +130,7 @@ async def test_an_operator_frees_what_a_lost_robot_holds() -> None:
     assert fleet.cancelled == ["V1"]
     assert "TO_BE_IGNORED" in status_of(engine, "T-1").reason
     assert fleet.finish("V2")
-    assert engine.status(vehicle).integration_level is IntegrationLevel.TO_BE_IGNORED
+    assert engine.reporter.vehicle_status(vehicle).integration_level is IntegrationLevel.TO_BE_IGNORED
 
     again, fleet = await make(store, V1="B", V2="A")
     assert "V1" not in again.traffic
@@ -158,7 +158,7 @@ async def test_a_restart_keeps_the_position_of_a_robot_unknown_to_the_plant() ->
 
     fleet = ScriptedFleet({"V1": "D", "stranger": "B"}, mute={"V1", "stranger"})
     again = await make_engine(PLANT, store, fleet, settings=EngineSettings())
-    again.look()
+    again.run_checks()
     assert held(again, "stranger") == {"B"}
 
     fleet.mute.clear()
@@ -167,7 +167,7 @@ async def test_a_restart_keeps_the_position_of_a_robot_unknown_to_the_plant() ->
     assert held(again, "stranger") == {"B"}
     fleet.fields["V1"] = pose(12.0)
     fleet.appear("V1", "D")
-    again.look()
+    again.run_checks()
     assert held(again, "stranger") == {"B"}
 
     fleet.fields["stranger"] = pose(4.0, map_id="other hall")

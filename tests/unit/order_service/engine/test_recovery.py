@@ -98,7 +98,7 @@ async def test_a_robot_that_stays_silent_keeps_its_resources() -> None:
     assert fleet.extended == []
 
     engine.clock.advance(30.0)  # type: ignore[attr-defined] # the clock of make_engine
-    engine.look()
+    engine.run_checks()
 
     assert len(fleet.extended) == 1
     assert held(engine, "V2") == ["E"]
@@ -306,7 +306,7 @@ async def test_a_sequence_stays_with_its_renamed_robot(plant: PlantModel) -> Non
     for name, at in tuple(after.at.items()):
         after.appear(name, at)
     after.finish(first)
-    again.look()
+    again.run_checks()
 
     assert [robot for robot, _ in after.sent] == [first]
     sequence = again.state.sequences.visible("S")

@@ -146,7 +146,7 @@ async def test_order_waits_before_a_locked_path_and_continues_after_the_unlock()
     assert fleet.finish("V1", at="B")
     assert "waits until a path is unlocked" in order(engine).status.reason
     assert order(engine).state is TransportOrderState.BEING_PROCESSED
-    engine.look()
+    engine.run_checks()
     assert len(fleet.sent) == 1
     lock(engine)
 
@@ -441,9 +441,9 @@ async def test_a_vehicle_waiting_in_a_queue_is_rerouted() -> None:
     engine = await behind_a_queue(fleet)
     assert whole(fleet.missions[key("V1")]) == "ABCDEF"
 
-    engine.look()
+    engine.run_checks()
     assert whole(fleet.missions[key("V1")]) == "ABCDEF", "it may go on soon"
-    engine.look()
+    engine.run_checks()
 
     assert whole(fleet.missions[key("V1")]) == "ABXYDEF"
     assert base(fleet.missions[key("V1")]) == "ABX"
@@ -459,8 +459,8 @@ async def test_a_vehicle_is_not_rerouted_towards_one_that_may_stay_for_long(othe
         engine.create(request("F", intendedVehicle="V4"), "T-4")
     if other == "away":
         del fleet.at["V4"]
-    engine.look()
-    engine.look()
+    engine.run_checks()
+    engine.run_checks()
     assert whole(fleet.missions[key("V1")]) == driven
 
 
@@ -469,8 +469,8 @@ async def test_a_vehicle_is_rerouted_only_where_its_robot_can_drive(most_nodes: 
     fleet = ScriptedFleet({})
     limit_nodes(fleet, most_nodes)
     engine = await behind_a_queue(fleet)
-    engine.look()
-    engine.look()
+    engine.run_checks()
+    engine.run_checks()
     assert whole(fleet.missions[key("V1")]) == driven
 
 
@@ -482,7 +482,7 @@ async def test_a_vehicle_is_rerouted_once_until_it_makes_progress(monkeypatch: p
     monkeypatch.setattr(traffic, "route_around", lambda *_: next(routes))
     monkeypatch.setattr(traffic, "waiting_at_end", lambda: {"V1": 1})
     for _ in range(4):
-        engine.look()
+        engine.run_checks()
     assert whole(fleet.missions[key("V1")]) == "ABXYDEF"
     assert len([each for each in order(engine).status.history if "less traffic" in str(each)]) == 1
 
@@ -497,20 +497,20 @@ async def test_a_point_missing_in_the_plant_does_not_end_the_search(
         raise UnknownObjectError(ObjectKind.RESOURCE, "Z")
 
     monkeypatch.setattr(engine.context.routes, "route", lost)
-    engine.look()
-    engine.look()
+    engine.run_checks()
+    engine.run_checks()
     assert whole(fleet.missions[key("V1")]) == "ABCDEF"
 
 
 async def test_a_vehicle_in_a_moving_queue_keeps_its_route() -> None:
     fleet = ScriptedFleet({})
     engine = await behind_a_queue(fleet)
-    engine.look()
+    engine.run_checks()
     fleet.pass_node("V3", 0)
     fleet.pass_node("V3", 1)
     fleet.pass_node("V2", 0)
     fleet.pass_node("V2", 1)
-    engine.look()
-    engine.look()
+    engine.run_checks()
+    engine.run_checks()
 
     assert whole(fleet.missions[key("V1")]) == "ABCDEF"

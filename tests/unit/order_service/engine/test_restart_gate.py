@@ -148,17 +148,17 @@ async def test_a_changed_plant_model_does_not_wait_again_for_a_robot_that_does_n
     clock, settings = ManualClock(), EngineSettings(restart_patience=30.0)
     fleet, store = ScriptedFleet({"V1": "A"}, unheard={"V2"}), MemoryStore()
     engine = await make_engine(PLANT, store, fleet, clock=clock, settings=settings)
-    assert engine.absent() == frozenset(), "it may still answer"
+    assert engine.absent_robots() == frozenset(), "it may still answer"
     clock.advance(30.0)
-    assert engine.absent() == {key("V2")}
+    assert engine.absent_robots() == {key("V2")}
 
     again = Engine(make_context(PLANT, clock=clock, settings=settings), store)
-    await again.start(fleet, engine.absent())
+    await again.start(fleet, engine.absent_robots())
     assert again._gate.is_open
-    assert again.absent() == {key("V2")}
+    assert again.absent_robots() == {key("V2")}
 
     fleet.appear("V2", "A")
-    assert again.absent() == frozenset()
+    assert again.absent_robots() == frozenset()
 
 
 async def test_an_order_is_sent_as_soon_as_the_gate_opens() -> None:

@@ -47,13 +47,13 @@ async def looked_at() -> tuple[Engine, ScriptedFleet, Ear]:
     engine = await make_engine(PLANT, MemoryStore(), fleet)
     engine.create(request("B", intendedVehicle="V1"), "T")
     engine.unit_of_work.listeners.append(ear)
-    engine.look()
+    engine.run_checks()
     return engine, fleet, ear
 
 
 async def test_status_describes_a_vehicle() -> None:
     engine, _, _ = await looked_at()
-    working, unheard = (engine.status(vehicle) for vehicle in engine.registry)
+    working, unheard = (engine.reporter.vehicle_status(vehicle) for vehicle in engine.registry)
     assert (working.processing_state, working.transport_order) == (ProcessingState.PROCESSING_ORDER, "T")
     assert (working.current_position, working.last_state is None) == ("A", False)
     assert (unheard.state, unheard.connection) == (VehicleState.UNKNOWN, LinkStatus.OFFLINE)
@@ -75,14 +75,14 @@ async def test_a_check_publishes_only_significant_changes(
     engine, fleet, ear = await looked_at()
     ear.vehicles.clear()
     fleet.at["V1"], fleet.fields["V1"] = at, fields
-    engine.look()
+    engine.run_checks()
     assert [status.name for status in ear.vehicles] == told
 
 
 async def test_essentials_of_a_status_are_its_own() -> None:
     engine, _, _ = await looked_at()
     for vehicle in engine.registry:
-        status = engine.status(vehicle)
+        status = engine.reporter.vehicle_status(vehicle)
         assert status.model_copy(update=Essentials.of(status)._asdict()) == status
 
 

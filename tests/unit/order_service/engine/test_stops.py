@@ -53,7 +53,7 @@ async def stopped_engine(**fields: dict[str, Any]) -> tuple[Engine, ScriptedFlee
 
 async def test_stop_pauses_each_robot_and_says_who_and_why() -> None:
     engine, fleet, _ = await stopped_engine()
-    stop = engine.stop(ALL, "Anna")
+    stop = engine.begin_stop(ALL, "Anna")
     assert pauses(fleet) == ["V1"]
     (status,) = engine.stops.statuses()
     assert (status.by, status.reason, status.vehicles, status.paused) == ("Anna", "fire drill", 2, 0)
@@ -67,7 +67,7 @@ async def test_stop_pauses_each_robot_and_says_who_and_why() -> None:
     assert (status.paused, [each.vehicle for each in status.not_paused]) == (1, ["V2"])
     vehicle = engine.registry.named("V1")
     assert vehicle
-    shown = engine.status(vehicle).stop
+    shown = engine.reporter.vehicle_status(vehicle).stop
     assert shown
     assert (shown.name, shown.by, shown.reason, shown.area) == (
         stop.name,
@@ -80,7 +80,7 @@ async def test_stop_pauses_each_robot_and_says_who_and_why() -> None:
 
 async def test_robots_continue_when_the_last_stop_ends() -> None:
     engine, fleet, store = await stopped_engine()
-    first, second = engine.stop(ALL, "Anna"), engine.stop(ALL, "Ben")
+    first, second = engine.begin_stop(ALL, "Anna"), engine.begin_stop(ALL, "Ben")
     confirm(fleet, "V1", paused=True)
     engine.end_stop(first.name, "Anna", "over")
     assert not pauses(fleet, "stopPause")
@@ -95,7 +95,7 @@ async def test_robots_continue_when_the_last_stop_ends() -> None:
 
 async def test_robot_that_was_paused_before_stays_paused() -> None:
     engine, fleet, store = await stopped_engine(V1={"paused": True})
-    stop = engine.stop(ALL, "Anna")
+    stop = engine.begin_stop(ALL, "Anna")
     assert not pauses(fleet)
     engine.end_stop(stop.name, "Anna", "over")
     later(engine, 60)
@@ -105,7 +105,7 @@ async def test_robot_that_was_paused_before_stays_paused() -> None:
 
 async def test_robot_that_a_person_pauses_during_the_stop_stays_paused() -> None:
     engine, fleet, store = await stopped_engine()
-    stop = engine.stop(ALL, "Anna")
+    stop = engine.begin_stop(ALL, "Anna")
     confirm(fleet, "V1", paused=True)
     vehicle = engine.registry.named("V1")
     assert vehicle
@@ -120,7 +120,7 @@ async def test_pause_that_a_person_has_just_requested_outlasts_the_stop() -> Non
     vehicle = engine.registry.named("V1")
     assert vehicle
     engine.person_pauses(vehicle)  # the robot does not report it yet
-    stop = engine.stop(ALL, "Anna")
+    stop = engine.begin_stop(ALL, "Anna")
     confirm(fleet, "V1", paused=True)
     engine.end_stop(stop.name, "Anna", "over")
     assert not pauses(fleet, "stopPause")
@@ -128,7 +128,7 @@ async def test_pause_that_a_person_has_just_requested_outlasts_the_stop() -> Non
 
 async def test_robot_that_is_resumed_at_its_panel_is_paused_again() -> None:
     engine, fleet, _ = await stopped_engine(V1={"paused": True})
-    stop = engine.stop(ALL, "Anna")
+    stop = engine.begin_stop(ALL, "Anna")
     fleet.fields["V1"]["paused"] = False
     fleet._tell(RobotChanged(key("V1")))
     assert pauses(fleet) == ["V1"]
@@ -139,7 +139,7 @@ async def test_robot_that_is_resumed_at_its_panel_is_paused_again() -> None:
 
 async def test_robot_that_is_resumed_at_once_is_paused_again_at_once() -> None:
     engine, fleet, _ = await stopped_engine()
-    engine.stop(ALL, "Anna")
+    engine.begin_stop(ALL, "Anna")
     confirm(fleet, "V1", paused=True)
     fleet.fields["V1"]["paused"] = False
     fleet._tell(RobotChanged(key("V1")))
@@ -148,7 +148,7 @@ async def test_robot_that_is_resumed_at_once_is_paused_again_at_once() -> None:
 
 async def test_robot_that_refuses_to_pause_is_named_and_asked_again() -> None:
     engine, fleet, _ = await stopped_engine()
-    engine.stop(ALL, "Anna")
+    engine.begin_stop(ALL, "Anna")
     confirm(fleet, "V1", paused=False, status=ActionStatus.FAILED)
     assert engine.stops.statuses()[0].not_paused[0].reason == "cannot be paused: done"
     assert pauses(fleet) == ["V1"]
@@ -158,7 +158,7 @@ async def test_robot_that_refuses_to_pause_is_named_and_asked_again() -> None:
 
 async def test_robot_that_connects_during_the_stop_is_paused() -> None:
     engine, fleet, _ = await stopped_engine()
-    engine.stop(ALL, "Anna")
+    engine.begin_stop(ALL, "Anna")
     del fleet.at["V1"]
     later(engine, 60)
     assert engine.stops.statuses()[0].not_paused[0].vehicle == "V1"
@@ -187,7 +187,7 @@ async def restarted_engine(fleet: ScriptedFleet) -> Engine:
 )
 async def test_robot_that_has_not_reported_yet_is_paused_and_named(fleet: ScriptedFleet, reason: str) -> None:
     engine = await restarted_engine(fleet)
-    engine.stop(ALL, "Anna")
+    engine.begin_stop(ALL, "Anna")
     assert pauses(fleet) == ["V1"]
     (status,) = engine.stops.statuses()
     assert (status.vehicles, status.paused) == (2, 0)
@@ -197,7 +197,7 @@ async def test_robot_that_has_not_reported_yet_is_paused_and_named(fleet: Script
 async def test_robot_that_has_reported_after_the_pause_continues_at_the_end() -> None:
     fleet = ScriptedFleet({"V1": "P-0-0"}, mute={"V1"})
     engine = await restarted_engine(fleet)
-    stop = engine.stop(ALL, "Anna")
+    stop = engine.begin_stop(ALL, "Anna")
     fleet.mute.clear()
     fleet._tell(RobotChanged(key("V1")))
     confirm(fleet, "V1", paused=True)
@@ -210,7 +210,7 @@ async def test_robot_that_has_reported_after_the_pause_continues_at_the_end() ->
 async def test_robot_of_which_nothing_is_heard_is_not_sent_the_pause_for_ever() -> None:
     fleet = ScriptedFleet({}, unheard={"V1"})
     engine = await restarted_engine(fleet)
-    engine.stop(ALL, "Anna")
+    engine.begin_stop(ALL, "Anna")
     fleet.answer_instant("V1", ActionStatus.FAILED)
     later(engine, 600)
     assert pauses(fleet) == ["V1"]
@@ -222,7 +222,7 @@ async def test_robot_of_which_nothing_is_heard_is_not_sent_the_pause_for_ever() 
 async def test_vehicle_that_has_never_connected_is_named_only_until_it_would_have_answered() -> None:
     fleet = ScriptedFleet({}, unheard={"V1", "V2"}, connected=10.0)
     engine = await make_engine(PLANT, MemoryStore(), fleet)
-    engine.stop(ALL, "Anna")
+    engine.begin_stop(ALL, "Anna")
     assert [each.vehicle for each in engine.stops.statuses()[0].not_paused] == ["V1", "V2"]
     fleet.connected = 30.0
     assert engine.stops.statuses()[0].vehicles == 0
@@ -230,10 +230,10 @@ async def test_vehicle_that_has_never_connected_is_named_only_until_it_would_hav
 
 async def test_pause_that_could_not_be_sent_is_sent_when_our_link_is_back() -> None:
     engine, fleet, _ = await stopped_engine()
-    engine.stop(ALL, "Anna")
+    engine.begin_stop(ALL, "Anna")
     confirm(fleet, "V1", paused=False, status=ActionStatus.FAILED)
     fleet._tell(BrokerLinkChanged())
-    engine.look()
+    engine.run_checks()
     assert pauses(fleet) == ["V1", "V1"]
 
 
@@ -242,7 +242,7 @@ async def test_no_robot_gets_an_order_or_more_base_during_the_stop() -> None:
     engine, fleet = await engine_at(PLANT, {"V1": "P-0-0"}, store, release_ahead=1)
     engine.create(request("P-3-0"), "T")
     assert len(fleet.sent) == 1
-    stop = engine.stop(ALL, "Anna")
+    stop = engine.begin_stop(ALL, "Anna")
     fleet.pass_node("V1", 1)
     later(engine, 10)
     assert not fleet.extended
@@ -253,7 +253,7 @@ async def test_no_robot_gets_an_order_or_more_base_during_the_stop() -> None:
 
 async def test_order_created_during_the_stop_waits_for_its_end() -> None:
     engine, fleet, _ = await stopped_engine()
-    stop = engine.stop(ALL, "Anna")
+    stop = engine.begin_stop(ALL, "Anna")
     engine.create(request("P-3-0"), "T")
     later(engine, 10)
     assert not fleet.sent
@@ -264,7 +264,7 @@ async def test_order_created_during_the_stop_waits_for_its_end() -> None:
 
 async def test_stop_survives_a_restart() -> None:
     engine, fleet, store = await stopped_engine()
-    stop = engine.stop(ALL, "Anna")
+    stop = engine.begin_stop(ALL, "Anna")
     confirm(fleet, "V1", paused=True)
     engine.close("restart")
 
@@ -280,7 +280,7 @@ async def test_stop_survives_a_restart() -> None:
 
 async def test_robot_that_is_away_at_the_end_continues_when_it_is_back() -> None:
     engine, fleet, store = await stopped_engine()
-    stop = engine.stop(ALL, "Anna")
+    stop = engine.begin_stop(ALL, "Anna")
     confirm(fleet, "V1", paused=True)
     del fleet.at["V1"]
     engine.end_stop(stop.name, "Anna", "over")
@@ -296,7 +296,7 @@ async def test_robot_that_is_away_at_the_end_continues_when_it_is_back() -> None
 async def test_nothing_is_sent_before_the_stop_is_stored() -> None:
     engine, fleet, store = await stopped_engine()
     store.held = True
-    engine.stop(ALL, "Anna")
+    engine.begin_stop(ALL, "Anna")
     assert not pauses(fleet)
     assert engine.stops.statuses() == ()
     store.release()
@@ -306,9 +306,9 @@ async def test_nothing_is_sent_before_the_stop_is_stored() -> None:
 async def test_number_of_stops_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stops_module, "STOPS_LIMIT", 1)
     engine, _, _ = await stopped_engine()
-    engine.stop(ALL, "Anna")
+    engine.begin_stop(ALL, "Anna")
     with pytest.raises(TooManyStopsError, match="1 stops are active"):
-        engine.stop(ALL, "Ben")
+        engine.begin_stop(ALL, "Ben")
 
 
 async def test_unreadable_stop_does_not_prevent_a_start() -> None:
@@ -321,7 +321,7 @@ async def test_unreadable_stop_does_not_prevent_a_start() -> None:
 async def test_area_pauses_the_robots_in_it_and_those_that_may_drive_in() -> None:
     engine, fleet = await engine_at(PLANT, {"V1": "P-0-0", "V2": "P-3-0"})
     area = Area(x_min=5.8, x_max=6.2, y_min=-1, y_max=1)
-    stop = engine.stop(StopRequest(reason="spill", area=area), "Anna")
+    stop = engine.begin_stop(StopRequest(reason="spill", area=area), "Anna")
     assert pauses(fleet) == ["V2"]
     assert engine.stops.statuses()[0].vehicles == 1
     assert "this area is paused by Anna: spill" in reason_of(engine, "V2")
@@ -335,7 +335,7 @@ async def test_straight_drive_through_a_stopped_area_waits_for_its_end() -> None
     here = {"mobile_robot_position": {**position(0.0, 0.0), "map_id": "map"}}
     engine, fleet = await engine_at(PLANT, {"V1": "P-0-0"}, fields={"V1": here})
     area = Area(x_min=2.5, x_max=3.5, y_min=-1, y_max=1)
-    stop = engine.stop(StopRequest(reason="spill", area=area), "Anna")
+    stop = engine.begin_stop(StopRequest(reason="spill", area=area), "Anna")
     assert not pauses(fleet)
     behind = {"coordinate": {"x": 5.0, "y": 0.0}, "operation": "MOVE"}
     engine.create(TransportOrderRequest.model_validate({"destinations": [behind]}), "T")
@@ -354,9 +354,9 @@ async def test_robot_that_already_drives_straight_through_an_area_is_paused() ->
     engine.create(TransportOrderRequest.model_validate({"destinations": [behind]}), "T")
     assert len(fleet.sent) == 1
     beside, across = (Area(x_min=2.5, x_max=3.5, y_min=y, y_max=1) for y in (0.5, -1))
-    engine.stop(StopRequest(reason="spill", area=beside), "Anna")
+    engine.begin_stop(StopRequest(reason="spill", area=beside), "Anna")
     assert not pauses(fleet)
-    engine.stop(StopRequest(reason="spill", area=across), "Anna")
+    engine.begin_stop(StopRequest(reason="spill", area=across), "Anna")
     assert pauses(fleet) == ["V1"]
 
 
@@ -364,7 +364,7 @@ async def test_robot_outside_an_area_stops_before_it() -> None:
     engine, fleet = await engine_at(PLANT, {"V1": "P-0-0"}, release_ahead=1)
     engine.create(request("P-3-0"), "T")
     area = Area(x_min=5.8, x_max=6.2, y_min=-1, y_max=1)
-    stop = engine.stop(StopRequest(reason="spill", area=area), "Anna")
+    stop = engine.begin_stop(StopRequest(reason="spill", area=area), "Anna")
     for _ in range(10):
         if key("V1") in fleet.missions:
             fleet.finish("V1")
@@ -381,7 +381,7 @@ async def test_robot_under_way_in_an_area_continues_its_order_at_the_end() -> No
     engine, fleet = await engine_at(PLANT, {"V1": "P-0-0"}, release_ahead=1)
     engine.create(request("P-3-0"), "T")
     area = Area(x_min=1.8, x_max=2.2, y_min=-1, y_max=1)
-    stop = engine.stop(StopRequest(reason="spill", area=area), "Anna")
+    stop = engine.begin_stop(StopRequest(reason="spill", area=area), "Anna")
     confirm(fleet, "V1", paused=True)
     later(engine, 10)
     engine.end_stop(stop.name, "Anna", "over")
@@ -395,7 +395,7 @@ async def test_robot_under_way_in_an_area_continues_its_order_at_the_end() -> No
 async def test_order_goes_to_a_robot_outside_the_area_before_the_others_are_paused() -> None:
     engine, fleet = await engine_at(PLANT, {"V1": "P-0-0", "V2": "P-3-0"})
     area = Area(x_min=5.8, x_max=6.2, y_min=-1, y_max=1)
-    engine.stop(StopRequest(reason="spill", area=area), "Anna")
+    engine.begin_stop(StopRequest(reason="spill", area=area), "Anna")
     engine.create(request("P-2-0"), "T")
     assert [name for name, _ in fleet.sent] == ["V1"]
     assert reason_of(engine, "V2") == "is stopped: this area is paused by Anna: spill"
@@ -403,7 +403,7 @@ async def test_order_goes_to_a_robot_outside_the_area_before_the_others_are_paus
 
 async def test_order_during_the_stop_waits_without_a_vehicle() -> None:
     engine, _, _ = await stopped_engine()
-    engine.stop(ALL, "Anna")
+    engine.begin_stop(ALL, "Anna")
     engine.create(request("P-3-0"), "T")
     assert status_of(engine).processing_vehicle is None
     assert "each of them is stopped: all robots are paused by Anna: fire drill" in status_of(engine).reason

@@ -23,7 +23,7 @@ TRACK = PlantModel(
 
 
 async def plan_of(engine: Engine, vehicle: str) -> VehiclePlan:
-    return next(each for each in (await engine.traffic_plan()).vehicles if each.vehicle == vehicle)
+    return next(each for each in engine.traffic_plans.current_plan().vehicles if each.vehicle == vehicle)
 
 
 def ahead(plan: VehiclePlan) -> list[tuple[str, bool, float | None]]:
@@ -119,7 +119,7 @@ async def test_a_waiting_vehicle_names_the_vehicle_on_its_route() -> None:
 async def test_the_traffic_plan_is_json() -> None:
     engine, _ = await engine_at(TRACK, {"V1": "A"})
 
-    body = json.loads((await engine.traffic_plan()).model_dump_json(by_alias=True))
+    body = json.loads(engine.traffic_plans.current_plan().model_dump_json(by_alias=True))
 
     assert body["horizon"] == 60
     assert body["vehicles"][0]["holds"] == ["A"]

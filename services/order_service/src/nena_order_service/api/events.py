@@ -179,7 +179,7 @@ class EventStream(EventRing[_Event]):
         """Yield objects without change numbers: unfinished sequences and vehicles."""
         sequences = (each.status for each in self._engine.state.sequences.unfinished())
         yield from (_sequence_frame(status) for status in sequences if interest.wants_sequence(status))
-        statuses = (self._engine.status(vehicle) for vehicle in self._engine.registry)
+        statuses = (self._engine.reporter.vehicle_status(vehicle) for vehicle in self._engine.registry)
         yield from (_vehicle_frame(status) for status in statuses if interest.wants_vehicle(status))
 
     def _number_of(self, last_id: str | None) -> int | None:

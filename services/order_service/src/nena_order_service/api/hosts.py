@@ -52,7 +52,7 @@ class HostServices:
         yield from self.stops.handlers()
         yield from self.peripherals.handlers()
         yield Handler(table.SUMMARISE, self._summarise_fleet)
-        yield Handler(table.SHOW_TRAFFIC_PLAN, self._engine.traffic_plan)
+        yield Handler(table.SHOW_TRAFFIC_PLAN, self._engine.traffic_plans.current_plan)
 
     def _summarise_fleet(self) -> FleetSummary:
         """Return the numbers of unfinished orders and of vehicles in each state."""

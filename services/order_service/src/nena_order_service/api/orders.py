@@ -270,7 +270,7 @@ class OrderOperations:
     async def assignment(self, name: str, request: AssignmentQuery) -> AssignmentStatus:
         """Return why vehicles do not execute an order."""
         status, order = await self.order(name), self._orders.named(name)
-        fits = [] if order is None or order.state.final else await self._engine.explain(order)
+        fits = [] if order is None or order.state.final else self._engine.dispatching.explain(order)
         return AssignmentStatus(
             transport_order=status.name,
             state=status.state,
@@ -330,7 +330,7 @@ class OrderOperations:
                 name, f"it belongs to sequence {order.status.wrapping_sequence!r}"
             )
         async with self._engine.unit_of_work.saved():
-            self._engine.intend(order.number, vehicle)
+            self._engine.set_intended_vehicle(order.number, vehicle)
 
     async def _unfinished_order(self, name: str, seen: ETag | None) -> TransportOrder:
         """Return an order that can be changed, if it is unchanged since the caller has ``seen`` it."""

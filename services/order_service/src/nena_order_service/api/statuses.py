@@ -102,7 +102,7 @@ class StatusPublisher:
         """
         yield Outbound(self.topics.plant_model, self._plant_json, retain=True)
         for vehicle in tuple(self._engine.registry):
-            yield self._of_vehicle(self._engine.status(vehicle))
+            yield self._of_vehicle(self._engine.reporter.vehicle_status(vehicle))
         for location in self._engine.peripherals.locations:
             yield self._of_peripheral(location)
         for sequence in tuple(self._engine.state.sequences.unfinished()):
@@ -327,7 +327,7 @@ class RetainedSweep:
     def _correct_vehicle(self, serial_number: str) -> None:
         found = [each for each in self._engine.registry if each.key.serial_number == serial_number]
         for vehicle in found:
-            self._publisher.vehicle_changed(self._engine.status(vehicle))
+            self._publisher.vehicle_changed(self._engine.reporter.vehicle_status(vehicle))
         if not found:
             log.warning("clearing the status of an unknown vehicle", serial_number=serial_number)
             self._mqtt.publish(Outbound(self._topics.vehicle_status(serial_number), b"", retain=True))

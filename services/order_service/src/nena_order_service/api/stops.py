@@ -25,7 +25,7 @@ class StopOperations:
     async def begin(self, request: StopRequest, caller: str) -> StopStatus:
         """Pause all robots, or those in an area; raises TooManyStopsError."""
         async with self._engine.unit_of_work.saved():
-            stop = self._engine.stop(request, request.by or caller)
+            stop = self._engine.begin_stop(request, request.by or caller)
         return self._engine.stops.status(stop)
 
     async def end(self, name: str, request: StopEndRequest, caller: str) -> StopStatus:

@@ -87,25 +87,25 @@ class VehicleOperations:
         """Yield all vehicles, or those after the one named ``after``."""
         vehicles = [*self._engine.registry]
         start = vehicles.index(self._vehicle_named(after)) + 1 if after is not None else 0
-        return map(self._engine.status, vehicles[start:])
+        return map(self._engine.reporter.vehicle_status, vehicles[start:])
 
     def vehicle(self, name: str) -> VehicleStatus:
         """Return a vehicle."""
-        return self._engine.status(self._vehicle_named(name))
+        return self._engine.reporter.vehicle_status(self._vehicle_named(name))
 
     async def set_integration_level(self, name: str, level: IntegrationLevel) -> VehicleStatus:
         """Set the integration level of a vehicle; it survives restarts."""
         vehicle = self._vehicle_named(name)
         async with self._engine.unit_of_work.saved():
             self._engine.set_integration_level(vehicle, level)
-        return self._engine.status(vehicle)
+        return self._engine.reporter.vehicle_status(vehicle)
 
     async def accept_order_types(self, name: str, types: tuple[AcceptableOrderType, ...]) -> VehicleStatus:
         """Set the order types that a vehicle accepts; they survive restarts."""
         vehicle = self._vehicle_named(name)
         async with self._engine.unit_of_work.saved():
             self._engine.accept_order_types(vehicle, types)
-        return self._engine.status(vehicle)
+        return self._engine.reporter.vehicle_status(vehicle)
 
     async def dispatch(self, name: str, request: DispatchRequest) -> tuple[TransportOrderStatus, bool]:
         """Send a vehicle somewhere with a new order; see :meth:`OrderOperations.create`."""
@@ -125,7 +125,7 @@ class VehicleOperations:
         vehicle = self._vehicle_named(name)
         async with self._engine.unit_of_work.saved():
             rerouted = self._engine.reroute(vehicle, kind)
-            order = self._engine.status(vehicle).transport_order
+            order = self._engine.reporter.vehicle_status(vehicle).transport_order
         return ReroutingAnswer(
             vehicle=name,
             transport_order=order or "",
@@ -173,9 +173,14 @@ class VehicleOperations:
         sent_unread = action_type == START_PAUSE and may_hear
         if link not in (LinkStatus.ONLINE, LinkStatus.HIBERNATING) and not sent_unread:
             raise VehicleNotReachedError(vehicle.name, f"it is {link}")
-        has_order = self._engine.state.drives.sent.get(vehicle.key) or self._engine.works(vehicle)
+        has_order = (
+            self._engine.state.drives.sent.get(vehicle.key)
+            or self._engine.state.drives.order_number(vehicle.key) is not None
+        )
         if action_type in LEAVES and has_order:
-            raise VehicleBusyError(vehicle.name, self._engine.status(vehicle).transport_order or "")
+            raise VehicleBusyError(
+                vehicle.name, self._engine.reporter.vehicle_status(vehicle).transport_order or ""
+            )
         if action_type == START_PAUSE:
             self._engine.person_pauses(vehicle)
         elif action_type == STOP_PAUSE:

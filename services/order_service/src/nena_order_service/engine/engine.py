@@ -13,7 +13,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import thread_time
 
-from nena_order_service.dispatching.dispatcher import VehicleFit
 from nena_order_service.engine.conditions import Sequences
 from nena_order_service.engine.context import Context, FleetControl
 from nena_order_service.engine.dispatching import Dispatching
@@ -43,12 +42,11 @@ from nena_shared.fleet_api.peripherals import (
 )
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.stops import StopRequest
-from nena_shared.fleet_api.traffic import TrafficPlan
 from nena_shared.fleet_api.transport_order import (
     TransportOrderRequest,
     TransportOrderState,
 )
-from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel, ReroutingType, VehicleStatus
+from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel, ReroutingType
 from nena_shared.histogram import SHORT, Histogram
 from nena_shared.log import get_logger
 from nena_shared.tasks import set_within
@@ -60,14 +58,14 @@ R = ReasonCode
 
 log = get_logger(__name__)
 
-LOOK_INTERVAL = 2.0
+CHECK_INTERVAL = 2.0
 """Seconds between checks for changes without an event, such as timeouts."""
 
-LOOK_SHARE = 0.1
+CHECK_SHARE = 0.1
 """Largest share of a core for looking at all vehicles, as for their positions: in a large fleet, most checks
 leave it out."""
 
-FIRST_LOOKS = 0.2
+FIRST_CHECK_INTERVAL = 0.2
 """Seconds between checks while the first states of robots are awaited after the start."""
 
 DISPATCH_SHARE = 1 / 6
@@ -98,8 +96,8 @@ class Engine:
         self.settings = context.settings
         self.store = store
         self.sequences = Sequences(context)
-        self._look_due = asyncio.Event()
-        self._gate = RestartGate(context, self._look_due.set)
+        self._check_due = asyncio.Event()
+        self._gate = RestartGate(context, self._check_due.set)
         self._positions = Positions(context)
         self.peripherals = Peripherals(context)
         pauses = Pauses(context, self.peripherals)
@@ -108,15 +106,15 @@ class Engine:
             context, self._positions, pauses, self._gate, self.peripherals, stops=self.stops
         )
         fit = OrderFit(context.state.vehicles, self.sequences)
-        self._dispatching = Dispatching(context, self._driving, fit)
-        self._life_cycle = LifeCycle(
-            context, self._driving, self._dispatching, self.sequences, pauses, peripherals=self.peripherals
+        self.dispatching = Dispatching(context, self._driving, fit)
+        self.life_cycle = LifeCycle(
+            context, self._driving, self.dispatching, self.sequences, pauses, peripherals=self.peripherals
         )
-        self._idle = IdleVehicles(context, self._dispatching, self._life_cycle)
+        self._idle = IdleVehicles(context, self.dispatching, self.life_cycle)
         self._rerouting = Rerouting(context, self._driving)
-        self._plans = TrafficPlans(context, self._driving)
-        self._reporter = StatusReporter(
-            context, self._driving, self._dispatching, self.sequences, self._idle, stops=self.stops
+        self.traffic_plans = TrafficPlans(context, self._driving)
+        self.reporter = StatusReporter(
+            context, self._driving, self.dispatching, self.sequences, self._idle, stops=self.stops
         )
         self.timings = Timings()
         self._dispatch_pause: asyncio.TimerHandle | None = None
@@ -124,14 +122,14 @@ class Engine:
         self.unit_of_work = UnitOfWork(
             self.state,
             store,
-            self._reporter.status_of,
+            self.reporter.status_of,
             self.on_events,
             timeout=self.settings.commit_timeout,
         )
 
     def prepare(self) -> None:
         """Build the routing graphs; call it before :meth:`start`, in any thread."""
-        self.context.finder.prepare(each.model for each in self.registry)
+        self.context.finder.prepare(vehicle.model for vehicle in self.registry)
 
     async def load_stops(self) -> None:
         """Restore the stops from before a restart; call it before :meth:`start`."""
@@ -140,45 +138,45 @@ class Engine:
     async def start(self, fleet: FleetControl, absent: Collection[RobotKey] = ()) -> None:
         """Restore unfinished orders and vehicles from the store; call it before the first robot message.
 
-        ``absent``: robots that need not be waited for, see :meth:`absent`.
+        ``absent``: robots that need not be waited for, see :meth:`absent_robots`.
         """
         self.context.connect(fleet)
-        found = await self.store.unfinished()
-        self.state.orders.last_number = found.last_number
-        for order in found.orders:
+        stored = await self.store.unfinished()
+        self.state.orders.last_number = stored.last_number
+        for order in stored.orders:
             self.state.orders.load(order)
-        self.state.sequences.load(found.sequences, found.last_sequence)
-        self.state.vehicles.load(found.vehicles)
+        self.state.sequences.load(stored.sequences, stored.last_sequence)
+        self.state.vehicles.load(stored.vehicles)
         jobs = await self.store.documents(PERIPHERAL_JOB)
         recovery = Recovery(self.context, self._gate)
         with self.change():
             self.peripherals.restore(jobs)
-            recovery.restore_vehicles(absent, found.relocations)
+            recovery.restore_vehicles(absent, stored.relocations)
             self.state.sequences.rebind(recovery.present_name)
-            self._life_cycle.restore_orders(found.orders, found.drives, recovery)
+            self.life_cycle.restore_orders(stored.orders, stored.drives, recovery)
             self._rerouting.reroute_off_locked_paths()
         await self.unit_of_work.committed()
-        log.info("orders loaded", unfinished=len(found.orders), last_number=found.last_number)
+        log.info("orders loaded", unfinished=len(stored.orders), last_number=stored.last_number)
 
     async def run(self) -> None:
         """Check periodically for changes without an event, until cancelled."""
         clock = asyncio.get_running_loop().time
         vehicles_due = clock()
         while True:
-            await set_within(self._look_due, LOOK_INTERVAL if self._gate.is_open else FIRST_LOOKS)
-            self._look_due.clear()
+            await set_within(self._check_due, CHECK_INTERVAL if self._gate.is_open else FIRST_CHECK_INTERVAL)
+            self._check_due.clear()
             vehicles = [*self.registry] if clock() >= vehicles_due else []
             begin = thread_time()
             try:
-                self.look(vehicles)
+                self.run_checks(vehicles)
             except Exception:
                 if not self.unit_of_work.failed.is_set():
                     raise
-                await asyncio.Event().wait()  # another engine is built from the store
+                await asyncio.Event().wait()  # for ever: another engine is built from the store
             if vehicles:
-                vehicles_due = clock() + (thread_time() - begin) / LOOK_SHARE
+                vehicles_due = clock() + (thread_time() - begin) / CHECK_SHARE
 
-    def absent(self) -> frozenset[RobotKey]:
+    def absent_robots(self) -> frozenset[RobotKey]:
         """Return the robots that were waited for in vain after the start, and have not been heard since."""
         views = (self.context.view(vehicle) for vehicle in self.registry if self._gate.is_open)
         return frozenset(view.key for view in views if view.link is LinkStatus.UNKNOWN)
@@ -192,28 +190,28 @@ class Engine:
         """Make changes and all steps that follow from them in one unit of work."""
         with self.unit_of_work.begin():
             yield
-            self._settle()
+            self._dispatch_and_drive()
 
-    def _settle(self) -> None:
+    def _dispatch_and_drive(self) -> None:
         """Dispatch and drive until no more steps follow from the changes."""
         while self.state.orders.any_ended or self._decision_due or self.state.drive_due:
             for job in self.peripherals.take_failed():
-                self._life_cycle.on_failed_peripheral(job)
-            self._life_cycle.conditions.apply_ended_orders()
+                self.life_cycle.on_failed_peripheral(job)
+            self.life_cycle.conditions.apply_ended_orders()
             if self._decision_due:
-                self._dispatch()
+                self._run_dispatcher()
             with self.timings.traffic.timed():
                 for outcome in self._driving.let_drive():
                     if isinstance(outcome, Stuck):
-                        self._life_cycle.on_stuck_vehicle(outcome)
+                        self.life_cycle.on_stuck_vehicle(outcome)
                     else:
-                        self._life_cycle.update_reason(outcome)
+                        self.life_cycle.update_reason(outcome)
 
     @property
     def _decision_due(self) -> bool:
         return self.state.dispatch_due and self._dispatch_pause is None
 
-    def _dispatch(self) -> None:
+    def _run_dispatcher(self) -> None:
         """Run the dispatcher; after a long decision, not again before some time.
 
         A decision is about all free vehicles and waiting orders, so it may take long in a large fleet, where
@@ -221,7 +219,7 @@ class Engine:
         """
         begin = self.clock.monotonic()
         with self.timings.dispatch.timed():
-            self._life_cycle.dispatch_orders()
+            self.life_cycle.dispatch_orders()
         seconds = self.clock.monotonic() - begin
         if seconds > LONG_DECISION:
             pause = seconds * (1 / DISPATCH_SHARE - 1)
@@ -233,7 +231,7 @@ class Engine:
             with self.change():
                 pass  # a change ends with what is due
 
-    def look(self, vehicles: Collection[FleetVehicle] | None = None) -> None:
+    def run_checks(self, vehicles: Collection[FleetVehicle] | None = None) -> None:
         """Retry waiting work, and publish those of the vehicles (None: all) that changed without an event."""
         vehicles = [*self.registry] if vehicles is None else vehicles
         with self.unit_of_work.begin():
@@ -245,14 +243,15 @@ class Engine:
                 self._rerouting.reroute_waiting(name)
         with self.change():
             self.state.dispatch_due = self.state.drive_due = True
-            self._life_cycle.check_times()
+            self.life_cycle.check_times()
             self.peripherals.check_times()
         if self._gate.is_open:
             with self.change():
                 self._idle.attend(vehicles)
+        # Positions and ages change all the time, so only a change of the essentials is published.
         with self.unit_of_work.begin():
             for vehicle in vehicles:
-                if not self.unit_of_work.is_published(vehicle.name, self._reporter.essentials(vehicle)):
+                if not self.unit_of_work.is_published(vehicle.name, self.reporter.essentials(vehicle)):
                     self.state.vehicle_changed(vehicle.name)
 
     # Requests of hosts
@@ -265,31 +264,25 @@ class Engine:
     ) -> TransportOrder:
         """Create an order from a validated request; see :meth:`LifeCycle.create_order`."""
         with self.change():
-            order = self._life_cycle.create_order(request, name, ended)
+            order = self.life_cycle.create_order(request, name, ended)
         return self.state.orders.get(order.number)
-
-    def create_with(self, progress: Callable[[], None], request: TransportOrderRequest, name: str) -> None:
-        """Create an order of a validated request, then make another change, both in one unit of work."""
-        with self.change():
-            self._life_cycle.create_order(request, name)
-            progress()
 
     def withdraw(self, number: int, reason: str, *, immediate: bool = True) -> None:
         """Withdraw an order that has not ended; see :meth:`LifeCycle.withdraw_order`."""
         with self.change():
-            self._life_cycle.withdraw_order(self.state.orders.get(number), reason, immediate=immediate)
+            self.life_cycle.withdraw_order(self.state.orders.get(number), reason, immediate=immediate)
 
     def hold(self, number: int, by: str, reason: str, *, immediate: bool = True) -> None:
         """Hold an order that has neither ended nor been withdrawn; see :meth:`LifeCycle.hold_order`."""
         with self.change():
-            self._life_cycle.hold_order(self.state.orders.get(number), by, reason, immediate=immediate)
+            self.life_cycle.hold_order(self.state.orders.get(number), by, reason, immediate=immediate)
 
     def resume(self, number: int, by: str, reason: str) -> None:
         """Resume a held order; see :meth:`LifeCycle.resume_order`."""
         with self.change():
-            self._life_cycle.resume_order(self.state.orders.get(number), by, reason)
+            self.life_cycle.resume_order(self.state.orders.get(number), by, reason)
 
-    def intend(self, number: int, vehicle: str | None) -> None:
+    def set_intended_vehicle(self, number: int, vehicle: str | None) -> None:
         """Set the intended vehicle of an unassigned order; None: any vehicle."""
         with self.change():
             order = self.state.orders.get(number)
@@ -311,7 +304,7 @@ class Engine:
             if not level.holds_resources:
                 sent = self.state.drives.sent.get(vehicle.key)
                 reason = Reason(R.LEVEL_SET, vehicle=vehicle.name, level=level.value)
-                self._life_cycle.fail_order_of(vehicle.key, reason)
+                self.life_cycle.fail_order_of(vehicle.key, reason)
                 self._driving.drop_drive(vehicle)
                 if sent:
                     self.state.after_commit(lambda: self.context.fleet.cancel_vda_order(vehicle.key))
@@ -322,7 +315,7 @@ class Engine:
     def accept_order_types(self, vehicle: FleetVehicle, types: tuple[AcceptableOrderType, ...]) -> None:
         """Set the order types that a vehicle accepts; its current order is not affected."""
         with self.change():
-            self._dispatching.fit.accept(vehicle, types)
+            self.dispatching.fit.accept(vehicle, types)
             self.state.dispatch_due = True
             self.state.vehicle_changed(vehicle.name)
 
@@ -334,21 +327,13 @@ class Engine:
         self.context.fleet.instant_action(vehicle.key, action)
         return end
 
-    def stop(self, request: StopRequest, by: str) -> FleetStop:
+    def begin_stop(self, request: StopRequest, by: str) -> FleetStop:
         """Pause all robots, or those in an area, and reroute others around it; see :meth:`Stops.begin`."""
-        with self.unit_of_work.begin():
-            stop = self.stops.begin(request, by)
-            self._apply_stops()
-        self._drive_on(stop)
-        return stop
+        return self._change_stops(lambda: self.stops.begin(request, by))
 
     def end_stop(self, name: str, by: str, reason: str) -> FleetStop:
         """End a stop; see :meth:`Stops.end`."""
-        with self.unit_of_work.begin():
-            stop = self.stops.end(name, by, reason)
-            self._apply_stops()
-        self._drive_on(stop)
-        return stop
+        return self._change_stops(lambda: self.stops.end(name, by, reason))
 
     def person_pauses(self, vehicle: FleetVehicle) -> None:
         """Note that a host pauses a vehicle; see :meth:`Stops.person_pauses`."""
@@ -356,19 +341,21 @@ class Engine:
             with self.unit_of_work.begin():
                 self.stops.person_pauses(vehicle)
 
-    def _apply_stops(self) -> None:
-        for vehicle in self.registry:
-            self.stops.look_at(vehicle)
-            self._life_cycle.update_reason(vehicle)
-            self.state.vehicle_changed(vehicle.name)
-
-    def _drive_on(self, changed: FleetStop) -> None:
-        """Dispatch and drive again; no base is extended into an area before routes are replanned."""
-        if changed.area:
+    def _change_stops(self, change: Callable[[], FleetStop]) -> FleetStop:
+        # Robots are paused in a unit of work of their own, without the driving that ends each change: no base
+        # is extended into an area before routes are replanned around it.
+        with self.unit_of_work.begin():
+            stop = change()
+            for vehicle in self.registry:
+                self.stops.look_at(vehicle)
+                self.life_cycle.update_reason(vehicle)
+                self.state.vehicle_changed(vehicle.name)
+        if stop.area:
             self.plant_changed()
         else:
             with self.change():
                 self.state.dispatch_due = self.state.drive_due = True
+        return stop
 
     def create_peripheral_job(self, request: PeripheralJobRequest, name: str) -> PeripheralJob:
         """Create a peripheral job; see :meth:`Peripherals.create`."""
@@ -396,33 +383,17 @@ class Engine:
         """Replan all routes, including the horizons of driving vehicles, then check all orders."""
         self.context.routes.forget()
         self.traffic.forget_routes()
-        self._dispatching.forget_routes()
+        self.dispatching.forget_routes()
         with self.change():
             self._rerouting.reroute_off_locked_paths()
             self.state.dispatch_due = self.state.drive_due = True
-        self._look_due.set()
+        self._check_due.set()
 
     # Queries
 
     def view(self, vehicle: FleetVehicle) -> RobotView:
         """Return the known state of a vehicle's robot."""
         return self.context.view(vehicle)
-
-    def works(self, vehicle: FleetVehicle) -> bool:
-        """Return whether a vehicle is executing an order."""
-        return self.state.drives.order_number(vehicle.key) is not None
-
-    def status(self, vehicle: FleetVehicle) -> VehicleStatus:
-        """Return the status of a vehicle."""
-        return self._reporter.status(vehicle)
-
-    async def traffic_plan(self) -> TrafficPlan:
-        """Return where vehicles will be in the next minute, and which vehicles they wait for."""
-        return self._plans.plan()
-
-    async def explain(self, order: TransportOrder) -> list[VehicleFit]:
-        """Return for each vehicle whether it could execute an order, or why not."""
-        return self._dispatching.explain(order)
 
     # Events of fleet control
 
@@ -441,13 +412,13 @@ class Engine:
             case outputs.BrokerLinkChanged():
                 self.state.dispatch_due = True
                 self.stops.link_changed()
-                self._look_due.set()
+                self._check_due.set()
             case outputs.InstantActionEnded():
                 self.state.instant_actions.ended(event)
-                self._life_cycle.on_instant_action(event)
+                self.life_cycle.on_instant_action(event)
                 self.stops.ended(event)
             case outputs.ActionRetriable():
-                self._life_cycle.on_retriable_action(event)
+                self.life_cycle.on_retriable_action(event)
             case (
                 outputs.VdaOrderAccepted()
                 | outputs.OperationStarted()
@@ -455,8 +426,8 @@ class Engine:
                 | outputs.VdaOrderFailed()
                 | outputs.VdaOrderCancelled()
             ):
-                self._life_cycle.on_order_event(event)
-                self._life_cycle.update_reason(self.registry.discover(event.robot))
+                self.life_cycle.on_order_event(event)
+                self.life_cycle.update_reason(self.registry.discover(event.robot))
             case outputs.NodePassed():
                 self._driving.pass_node(event.robot, event.order_id, event.sequence_id)
             case outputs.BaseWanted():
@@ -476,4 +447,4 @@ class Engine:
         self.state.vehicle_changed(vehicle.name)
         self._driving.update_robot(vehicle)
         self.stops.look_at(vehicle)
-        self._life_cycle.robot_changed(vehicle, view)
+        self.life_cycle.robot_changed(vehicle, view)

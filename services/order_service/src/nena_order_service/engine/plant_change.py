@@ -57,7 +57,7 @@ def _of_vehicles(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> 
     differences = _Differences(engine.plant, new)
     for vehicle in engine.registry:
         journey = engine.traffic.route_of(vehicle.name)
-        if engine.works(vehicle) or journey:
+        if engine.state.drives.order_number(vehicle.key) is not None or journey:
             yield from _of_robot(vehicle, registry)
         ahead = journey.way[journey.allocated :] if journey else ()
         for place in (*engine.traffic.held(vehicle.name), *ahead):

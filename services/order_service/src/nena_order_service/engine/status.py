@@ -179,9 +179,9 @@ class StatusReporter:
     def status_of(self, name: str) -> VehicleStatus | None:
         """Return the status of the vehicle of this name; None if it does not exist."""
         vehicle = self._context.registry.named(name)
-        return self.status(vehicle) if vehicle else None
+        return self.vehicle_status(vehicle) if vehicle else None
 
-    def status(self, vehicle: FleetVehicle) -> VehicleStatus:
+    def vehicle_status(self, vehicle: FleetVehicle) -> VehicleStatus:
         """Return the status of a vehicle."""
         view = self._context.view(vehicle)
         age = (

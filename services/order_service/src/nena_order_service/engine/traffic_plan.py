@@ -28,21 +28,24 @@ class TrafficPlans:
         self._driving = driving
         self._pace = Pace(context.plant)
 
-    def plan(self, horizon: float = HORIZON) -> TrafficPlan:
+    def current_plan(self) -> TrafficPlan:
         """Return what each vehicle holds, its next points with arrival times, and what it waits for."""
         located = [vehicle for vehicle in self._registry if vehicle.name in self._traffic]
-        drives = {vehicle.name: self._drive(vehicle, horizon) for vehicle in located}
-        forecast = Forecast(drives, horizon)
+        drives = {vehicle.name: self._expected_drive(vehicle) for vehicle in located}
+        forecast = Forecast(drives, HORIZON)
         plans = (
-            self._plan(vehicle, drives[vehicle.name], forecast.arrivals(vehicle.name)) for vehicle in located
+            self._vehicle_plan(vehicle, drives[vehicle.name], forecast.arrivals(vehicle.name))
+            for vehicle in located
         )
-        return TrafficPlan(time=self._context.clock.now(), horizon=horizon, vehicles=tuple(plans))
+        return TrafficPlan(time=self._context.clock.now(), horizon=HORIZON, vehicles=tuple(plans))
 
-    def _plan(self, vehicle: FleetVehicle, drive: ExpectedDrive, arrivals: Sequence[float]) -> VehiclePlan:
+    def _vehicle_plan(
+        self, vehicle: FleetVehicle, drive: ExpectedDrive, arrivals: Sequence[float]
+    ) -> VehiclePlan:
         """Return the plan of a vehicle that arrives at its next points after so many seconds."""
         route, at = self._traffic.route_of(vehicle.name), self._traffic.point(vehicle.name)
         ahead: list[PlannedPoint] = []
-        start = at
+        start, order = at, self._context.state.order_of(vehicle.key)
         for index, (step, seconds) in enumerate(zip_longest(drive.ahead, arrivals)):
             edge = self._pace.edge(start, step)
             ahead.append(
@@ -56,7 +59,7 @@ class TrafficPlans:
             start = step.point
         return VehiclePlan(
             vehicle=vehicle.name,
-            transport_order=self._order(vehicle),
+            transport_order=order.name if order else None,
             at=at,
             holds=tuple(dict.fromkeys(use for held in drive.held for use in held.uses)),
             ahead=tuple(ahead),
@@ -64,12 +67,8 @@ class TrafficPlans:
             wait=self._driving.traffic_wait(vehicle),
         )
 
-    def _order(self, vehicle: FleetVehicle) -> str | None:
-        number = self._context.state.drives.order_number(vehicle.key)
-        return None if number is None else self._context.state.orders.get(number).name
-
-    def _drive(self, vehicle: FleetVehicle, horizon: float) -> ExpectedDrive:
-        """Return the steps that a vehicle could drive within the horizon, seconds."""
+    def _expected_drive(self, vehicle: FleetVehicle) -> ExpectedDrive:
+        """Return the steps that a vehicle could drive within :data:`HORIZON`, and those that it holds."""
         name = vehicle.name
         route, held = self._traffic.route_of(name), self._traffic.held(name)
         refusal = self._traffic.refusal(name)
@@ -78,14 +77,15 @@ class TrafficPlans:
         at, seconds, in_all = self._traffic.point(name), list[float](), 0.0
         seconds_along = self._pace.of(vehicle.model, self._context.view(vehicle).factsheet)
         allocated = route.allocated - route.reached
-        for index, each in enumerate(route.way[route.reached :]):
-            if index >= allocated and in_all > horizon:
+        for index, step in enumerate(route.way[route.reached :]):
+            if index >= allocated and in_all > HORIZON:
                 break
-            edge = self._pace.edge(at, each)
-            length_mm = each.length_mm if index else self._left_mm(vehicle, each)
+            edge = self._pace.edge(at, step)
+            # Of the first path, only what is left counts: a robot may be in the middle of 50 m.
+            length_mm = step.length_mm if index else self._left_mm(vehicle, step)
             seconds.append(seconds_along(edge, length_mm))
             in_all += seconds[-1]
-            at = each.point
+            at = step.point
         ahead = route.way[route.reached : route.reached + len(seconds)]
         return ExpectedDrive(held, ahead, allocated, tuple(seconds), box_of(vehicle).length_mm, refusal)
 

@@ -131,7 +131,7 @@ async def test_change_numbers_continue_after_a_plant_change(service: OrderServic
     log = ChangeLog(service.engine.plant, SystemClock())
     log.count = 40
     assert await log.poll(0, 100, 0.0) == []
-    log.note(service.engine.status(service.engine.registry.named("Robot-01")))  # type: ignore[arg-type]
+    log.note(service.engine.reporter.vehicle_status(service.engine.registry.named("Robot-01")))  # type: ignore[arg-type]
     assert [each["sequenceNumber"] for each in await log.poll(0, 100, 0.0)] == [40]
 
 
@@ -149,7 +149,7 @@ def test_a_color_that_cannot_be_read_is_black(service: OrderService, color: str 
     assert known
     log = ChangeLog(service.engine.plant, SystemClock())
     model = Vehicle(name="Robot-01", color=color)
-    shown = _vehicle_json(engine.status(known), model, log.times("Robot-01"))
+    shown = _vehicle_json(engine.reporter.vehicle_status(known), model, log.times("Robot-01"))
     assert shown["layout"]["routeColor"] == {"red": red, "green": 0, "blue": 0}
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import Any
 
@@ -13,9 +12,9 @@ import pytest
 from nena_order_service.api.mqtt import COMMANDS
 from nena_order_service.extensions.schedules import ScheduledOrders, schedules
 from nena_order_service.extensions.schedules.schedules import Schedules
+from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.service import OrderService
 from nena_order_service.settings import OrderServiceSettings
-from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from support.clocks import ManualClock
 
 START = datetime(2026, 3, 28, 12, tzinfo=UTC)
@@ -261,16 +260,16 @@ async def test_schedule_that_fails_is_retried_and_holds_up_no_other(
     monkeypatch.setattr(schedules, "LOOK_INTERVAL", 0.0)
     await put(client)
     await put(client, "/v1/schedules/other")
-    create = service.engine.create_with
+    find = service.engine.store.order
 
-    def fail(put: Callable[[], None], request: TransportOrderRequest, name: str) -> None:
+    async def fail(*, name: str) -> TransportOrder | None:
         if name.startswith("milk-run"):
             raise RuntimeError(name)
-        create(put, request, name)
+        return await find(name=name)
 
     clock.advance(16 * HOUR)
     with monkeypatch.context() as failing:
-        failing.setattr(service.engine, "create_with", fail)
+        failing.setattr(service.engine.store, "order", fail)
         await run_due(service)
     assert await orders(client) == ["other-20260329T040000Z"]
     assert (await client.get(MILK_RUN)).json()["createdOrders"] == 0, "it has no order yet"

@@ -42,7 +42,7 @@ def _add_dispatcher(app: FastAPI, engine: Engine) -> None:
     @app.post("/v1/vehicles/dispatcher/trigger", response_class=Response)
     @app.post("/v1/transportOrders/dispatcher/trigger", response_class=Response)
     async def trigger() -> None:
-        engine.look()
+        engine.run_checks()
 
 
 def _add_environment(app: FastAPI) -> None:

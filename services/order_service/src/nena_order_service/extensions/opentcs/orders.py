@@ -192,7 +192,7 @@ def _add_assignment(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
         order = await hosts.orders.order(name)
         reason = _why_not_assigned(order)
         if not reason and order.processing_vehicle != order.intended_vehicle:
-            engine.look()
+            engine.run_checks()
             await engine.unit_of_work.wait_committed()
             order = await hosts.orders.order(name)
             if order.processing_vehicle != order.intended_vehicle:

@@ -55,7 +55,7 @@ def _add_jobs(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
     @app.post("/v1/peripheralJobs/dispatcher/trigger", response_class=Response)
     @app.post("/v1/peripherals/dispatcher/trigger", response_class=Response)
     async def trigger() -> None:
-        engine.look()
+        engine.run_checks()
 
     @app.get("/v1/peripheralJobs/{name}")
     async def show_job(name: str) -> dict[str, Any]:

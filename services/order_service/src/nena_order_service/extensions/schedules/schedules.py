@@ -261,7 +261,9 @@ class Schedules:
                 done = schedule.after(ScheduleRun(planned=planned, transport_order=name, **explained(late)))
                 open_orders = (*filter(self._is_open_order, schedule.open_orders), name)
                 done = done.model_copy(update={"open_orders": open_orders})
-                self._engine.create_with(partial(self._put_schedule, schedule.name, done), request, name)
+                with self._engine.change():  # together, so that no restart creates it again
+                    self._engine.life_cycle.create_order(request, name)
+                    self._put_schedule(schedule.name, done)
                 self.outcomes[CREATED] += 1
                 log.info("order created by schedule", schedule=schedule.name, order=name, late=bool(late))
                 return
