@@ -152,7 +152,7 @@ class Engine:
         with self.change():
             self.peripherals.restore(jobs)
             recovery.restore_vehicles(absent, stored.relocations)
-            self.state.sequences.rebind(recovery.present_name)
+            self.state.sequences.rebind_vehicles(recovery.present_name)
             self.life_cycle.restore_orders(stored.orders, stored.drives, recovery)
             self._rerouting.reroute_off_locked_paths()
         await self.unit_of_work.committed()

@@ -161,6 +161,7 @@ class LifeCycle:
         elif immediate and not drive.cancelled:
             self._driving.cancel_drive(drive)
         elif not immediate and not again:
+            # VDA 5050 can only cancel at once; an order update that takes the horizon away ends it with its base.
             self._driving.end_early(drive, partial=False)
 
     def hold_order(self, order: TransportOrder, by: str, reason: str, *, immediate: bool) -> None:
@@ -356,7 +357,7 @@ class LifeCycle:
         if drive is None:
             log.warning("event for an unknown VDA 5050 order", robot=str(event.robot), order=event.order_id)
             return
-        ahead = self._driving.ahead_of(drive)
+        ahead = self._driving.ahead_of(drive)  # before the drive ends: it knows what was left of its route
         if isinstance(event, outputs.VdaOrderAccepted):
             self._drives.put(drive.changed(state=DriveState.ACCEPTED))
         elif isinstance(event, outputs.VdaOrderFinished):
@@ -402,6 +403,7 @@ class LifeCycle:
         failure = _failure_of(job) if job else None
         if drive.partial:  # otherwise the robot has finished everything, in spite of a cancel
             failure = drive.given_up or failure
+        # A drive that ended early has only finished the actions at the end of its base, not its operation.
         order = order if drive.partial else order.drive_order_finished(index, now)
         vehicle = self._registry.discover(drive.robot)
         if not drive.partial and len(drive.vda_order.nodes) > 1:
@@ -430,6 +432,7 @@ class LifeCycle:
         elif drive.given_up and not order.held:
             self._fail_order(order, drive.given_up)
         elif order.is_operating and not drive.given_up:
+            # The operation began before cancelOrder reached the robot: how far it got is unknown.
             self._drive_order_failed(order, OrderFailure(FailureKind.UNCLEAR, BEGUN_MEANWHILE))
         else:
             self._continue_order(order, again=True)

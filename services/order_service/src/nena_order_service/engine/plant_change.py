@@ -24,13 +24,13 @@ def conflicts(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> tup
     have claimed, must be unchanged: robots continue the orders that they were sent, and traffic control keeps
     other vehicles away from them.
     """
-    found = [
+    problems = [
         *_of_orders(engine.state.orders.present(), new, registry),
         *_of_sequences(engine.state.sequences.unfinished(), registry),
         *_of_vehicles(engine, new, registry),
     ]
-    more = len(found) - PROBLEMS_NAMED
-    return (*found[:PROBLEMS_NAMED], f"and {more} more") if more > 0 else tuple(found)
+    more = len(problems) - PROBLEMS_NAMED
+    return (*problems[:PROBLEMS_NAMED], f"and {more} more") if more > 0 else tuple(problems)
 
 
 def _of_orders(orders: Iterable[TransportOrder], new: PlantModel, registry: VehicleRegistry) -> Iterator[str]:
@@ -39,7 +39,7 @@ def _of_orders(orders: Iterable[TransportOrder], new: PlantModel, registry: Vehi
         try:
             check_order(order.status, new)
         except InvalidRequestError as error:
-            yield from (f"transport order {order.name!r}: {each.text}" for each in error.findings)
+            yield from (f"transport order {order.name!r}: {finding.text}" for finding in error.findings)
         intended = order.status.intended_vehicle
         if intended is not None and intended not in names:
             yield f"transport order {order.name!r} is for vehicle {intended!r}, which would be removed"
@@ -47,35 +47,35 @@ def _of_orders(orders: Iterable[TransportOrder], new: PlantModel, registry: Vehi
 
 def _of_sequences(sequences: Iterable[OrderSequence], registry: VehicleRegistry) -> Iterator[str]:
     names = registry.names()
-    for each in sequences:
-        vehicle = each.bound_vehicle or each.status.intended_vehicle
+    for sequence in sequences:
+        vehicle = sequence.bound_vehicle or sequence.status.intended_vehicle
         if vehicle is not None and vehicle not in names:
-            yield f"order sequence {each.name!r} is for vehicle {vehicle!r}, which would be removed"
+            yield f"order sequence {sequence.name!r} is for vehicle {vehicle!r}, which would be removed"
 
 
 def _of_vehicles(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> Iterator[str]:
     differences = _Differences(engine.plant, new)
     for vehicle in engine.registry:
-        journey = engine.traffic.route_of(vehicle.name)
-        if engine.state.drives.order_number(vehicle.key) is not None or journey:
+        route = engine.traffic.route_of(vehicle.name)
+        if engine.state.drives.order_number(vehicle.key) is not None or route:
             yield from _of_robot(vehicle, registry)
-        ahead = journey.way[journey.allocated :] if journey else ()
+        ahead = route.way[route.allocated :] if route else ()
         for place in (*engine.traffic.held(vehicle.name), *ahead):
-            for problem in differences.of(place, under_way=journey is not None):
+            for problem in differences.of_place(place, under_way=route is not None):
                 yield f"vehicle {vehicle.name!r} uses {problem}"
 
 
 def _of_robot(vehicle: FleetVehicle, registry: VehicleRegistry) -> Iterator[str]:
     """Yield why a working vehicle would not be the same robot in the new plant."""
     if vehicle.model is None:
-        after, taken = registry.of(vehicle.key), registry.named(vehicle.name)
-        if (after and after.name != vehicle.name) or (taken and taken.key != vehicle.key):
+        same_robot, same_name = registry.of(vehicle.key), registry.named(vehicle.name)
+        if (same_robot and same_robot.name != vehicle.name) or (same_name and same_name.key != vehicle.key):
             yield f"vehicle {vehicle.name!r} has an order, and would have another name"
         return
-    after = registry.named(vehicle.name)
-    if after is None or after.model is None:
+    successor = registry.named(vehicle.name)
+    if successor is None or successor.model is None:
         yield f"vehicle {vehicle.name!r} has an order, and would be removed"
-    elif after.key != vehicle.key or after.profile.map_id != vehicle.profile.map_id:
+    elif successor.key != vehicle.key or successor.profile.map_id != vehicle.profile.map_id:
         yield f"vehicle {vehicle.name!r} has an order, and would be another robot or on another map"
 
 
@@ -85,21 +85,21 @@ class _Differences:
     def __init__(self, old: PlantModel, new: PlantModel) -> None:
         self._old = old
         self._new = new
-        self._old_blocks, self._new_blocks = _blocks(old), _blocks(new)
+        self._old_blocks, self._new_blocks = _blocks_by_member(old), _blocks_by_member(new)
 
-    def of(self, place: ResourceSet, *, under_way: bool) -> Iterator[str]:
+    def of_place(self, place: ResourceSet, *, under_way: bool) -> Iterator[str]:
         """Yield removals and changes of a resource; with ``under_way``, also moved points and paths."""
         for name in dict.fromkeys((place.point, *place.uses)):
-            if name in self._old.blocks_by_name:
+            if name in self._old.blocks_by_name:  # its members are compared instead
                 continue
-            if self._lacks(name):
+            if self._is_removed(name):
                 yield f"{name!r}, which would be removed"
             elif self._old_blocks.get(name) != self._new_blocks.get(name):
                 yield f"{name!r}, which would be in other blocks"
-            elif under_way and self._differs(name):
+            elif under_way and self._is_moved(name):
                 yield f"{name!r}, which would be moved"
 
-    def _lacks(self, name: str) -> bool:
+    def _is_removed(self, name: str) -> bool:
         kinds = (
             (self._old.points_by_name, self._new.points_by_name),
             (self._old.paths_by_name, self._new.paths_by_name),
@@ -107,10 +107,10 @@ class _Differences:
         )
         return any(name in old and name not in new for old, new in kinds)
 
-    def _differs(self, name: str) -> bool:
-        before, after = self._old.points_by_name.get(name), self._new.points_by_name.get(name)
-        if before and after:
-            return (before.x_mm, before.y_mm, before.map_id) != (after.x_mm, after.y_mm, after.map_id)
+    def _is_moved(self, name: str) -> bool:
+        point, new = self._old.points_by_name.get(name), self._new.points_by_name.get(name)
+        if point and new:
+            return (point.x_mm, point.y_mm, point.map_id) != (new.x_mm, new.y_mm, new.map_id)
         path, changed = self._old.paths_by_name.get(name), self._new.paths_by_name.get(name)
         if path and changed:
             return (path.source, path.destination, path.length_mm) != (
@@ -121,10 +121,10 @@ class _Differences:
         return False
 
 
-def _blocks(plant: PlantModel) -> dict[str, set[tuple[str, BlockType]]]:
+def _blocks_by_member(plant: PlantModel) -> dict[str, set[tuple[str, BlockType]]]:
     """Return the blocks that each resource is in."""
-    found: dict[str, set[tuple[str, BlockType]]] = {}
+    blocks: dict[str, set[tuple[str, BlockType]]] = {}
     for block in plant.blocks:
         for member in block.members:
-            found.setdefault(member, set()).add((block.name, block.type))
-    return found
+            blocks.setdefault(member, set()).add((block.name, block.type))
+    return blocks

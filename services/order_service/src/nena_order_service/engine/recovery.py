@@ -37,15 +37,15 @@ class Recovery:
 
         Nothing waits for the first states of the ``absent``.
         """
-        known = tuple(self._registry.discover(record.robot) for record in self._vehicles)
+        vehicles = tuple(self._registry.discover(record.robot) for record in self._vehicles)
         self._gate.begin(
-            each
-            for each in self._registry
-            if each.key not in absent and self._vehicles.of(each.key).integration_level.holds_resources
+            vehicle
+            for vehicle in self._registry
+            if vehicle.key not in absent and self._vehicles.of(vehicle.key).integration_level.holds_resources
         )
-        for vehicle in known:
+        for vehicle in vehicles:
             record = self._vehicles.of(vehicle.key)
-            held = [each for each in record.held if each.point in self._plant.points_by_name]
+            held = [place for place in record.held if place.point in self._plant.points_by_name]
             if held and record.integration_level.holds_resources:
                 self._traffic.restore(vehicle.name, held, box_of(vehicle).length_mm, beside=record.beside)
             self._vehicles.change(vehicle.key)
@@ -82,7 +82,7 @@ class Recovery:
     def _resume_drive(self, drive: Drive) -> FleetVehicle:
         self._state.drives.load(drive)
         vehicle = self._registry.discover(drive.robot)
-        if vehicle.name not in self._traffic:
+        if vehicle.name not in self._traffic:  # no record says where it stood, so it is where its order began
             start = drive.vda_order.nodes[0].node_id
             under = self._traffic.resources.at(start) if start in self._plant.points_by_name else NOWHERE
             self._traffic.restore(vehicle.name, [under], box_of(vehicle).length_mm)

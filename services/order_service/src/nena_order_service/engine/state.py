@@ -91,19 +91,20 @@ class Orders:
 
     def load(self, order: TransportOrder) -> None:
         """Add an order as stored."""
-        self._index(order)
+        self._index_order(order)
         self._committed[order.number] = order
         self.statistics.loaded(order)
 
     def put(self, order: TransportOrder) -> None:
         """Add a new order, or the new version of one; the same version again changes nothing."""
-        before = self._orders.get(order.number)
-        if before is order:
+        previous = self._orders.get(order.number)
+        if previous is order:
             return
-        self._index(order)
-        self._pending.stored.put_order(order, before)
+        self._index_order(order)
+        self._pending.stored.put_order(order, previous)
         if order.state.final:
             self._ended.append(order)
+        # Hosts are promised every state of an order, not every change of its reason.
         publish = self._pending.orders
         if publish and (publish[-1].number, publish[-1].state) == (order.number, order.state):
             publish.pop()
@@ -127,7 +128,7 @@ class Orders:
             if order.state.final:
                 self._recent[order.number] = None
         while len(self._recent) > RECENT_LIMIT:
-            self._forget(self._recent.popitem(last=False)[0])
+            self._forget_order(self._recent.popitem(last=False)[0])
 
     def get(self, number: int) -> TransportOrder:
         """Return the current version of an order; KeyError if it is not in memory."""
@@ -182,14 +183,14 @@ class Orders:
         """Yield the committed orders that have not ended."""
         return (order for order in self._committed.values() if not order.state.final)
 
-    def _index(self, order: TransportOrder) -> None:
+    def _index_order(self, order: TransportOrder) -> None:
         self._orders[order.number] = order
         self._by_name[order.name] = order.number
         if order.idempotency_key is not None:
             self._by_key[order.idempotency_key] = order.number
         self.waiting.put(order)
 
-    def _forget(self, number: int) -> None:
+    def _forget_order(self, number: int) -> None:
         order = self._orders.pop(number)
         self._committed.pop(number, None)
         self._by_name.pop(order.name, None)
@@ -213,17 +214,22 @@ class OrderSequences:
         """Add the sequences of the store; ``last_number`` is the highest sequence number."""
         self._last_number = last_number
         for sequence in sequences:
-            self._index(sequence)
+            self._index_sequence(sequence)
             self._visible[sequence.name] = sequence
 
-    def rebind(self, present_name: Callable[[str], str]) -> None:
+    def rebind_vehicles(self, present_name: Callable[[str], str]) -> None:
         """Keep sequences bound to their robots, whose vehicles may have been renamed at the restart."""
-        bound = [(each, each.bound_vehicle) for each in self._visible.values() if each.bound_vehicle]
-        moved = [(each, name, now) for each, name in bound if (now := present_name(name)) != name]
-        for _, name, _ in moved:
-            del self._bound[name]
-        for sequence, _, now in moved:
-            self.put(sequence.rebound(now))
+        renamed = [
+            (sequence, present)
+            for sequence in self._visible.values()
+            if sequence.bound_vehicle
+            and (present := present_name(sequence.bound_vehicle)) != sequence.bound_vehicle
+        ]
+        # All old names go first, because two vehicles may have swapped theirs.
+        for sequence, _ in renamed:
+            self._bound.pop(sequence.bound_vehicle or "", None)
+        for sequence, present in renamed:
+            self.put(sequence.rebound(present))
 
     def next_number(self) -> int:
         """Return the number for a new sequence."""
@@ -234,7 +240,7 @@ class OrderSequences:
         """Add a new sequence, or the new version of one; the same version again changes nothing."""
         if self._sequences.get(sequence.name) is sequence:
             return
-        self._index(sequence)
+        self._index_sequence(sequence)
         self._pending.stored.sequences[sequence.number] = sequence
         self._pending.sequences.append(sequence)
 
@@ -242,7 +248,7 @@ class OrderSequences:
         """Make these versions visible to hosts, and drop finished ones, which remain in the store."""
         for sequence in sequences:
             if sequence.status.finished:
-                self._forget(sequence)
+                self._forget_sequence(sequence)
             else:
                 self._visible[sequence.name] = sequence
 
@@ -266,7 +272,7 @@ class OrderSequences:
         """Return the sequence to which a vehicle is bound; None if it is free."""
         return self.named(self._bound.get(vehicle))
 
-    def _index(self, sequence: OrderSequence) -> None:
+    def _index_sequence(self, sequence: OrderSequence) -> None:
         self._sequences[sequence.name] = sequence
         if sequence.idempotency_key is not None:
             self._by_key[sequence.idempotency_key] = sequence.name
@@ -276,7 +282,7 @@ class OrderSequences:
         elif vehicle and self._bound.get(vehicle) == sequence.name:
             del self._bound[vehicle]
 
-    def _forget(self, sequence: OrderSequence) -> None:
+    def _forget_sequence(self, sequence: OrderSequence) -> None:
         del self._sequences[sequence.name]
         self._visible.pop(sequence.name, None)
         if sequence.idempotency_key is not None:
@@ -350,16 +356,17 @@ class VehicleRecords:
 
     def of(self, robot: RobotKey) -> VehicleRecord:
         """Return the record of a robot; a default one for a new robot."""
-        known = self._records.get(robot)
-        return known or VehicleRecord(manufacturer=robot.manufacturer, serial_number=robot.serial_number)
+        record = self._records.get(robot)
+        return record or VehicleRecord(manufacturer=robot.manufacturer, serial_number=robot.serial_number)
 
     def change(self, robot: RobotKey, **changes: object) -> None:
         """Change fields of a robot's record."""
-        before = self.of(robot)
+        stored = self.of(robot)
         name = self._registry.discover(robot).name
-        record = before.model_copy(update={"name": name, **changes})
-        if record != before:
+        record = stored.model_copy(update={"name": name, **changes})
+        if record != stored:
             self._records[robot] = record
+            # Encoded at the commit, once per unit of work, however often it changes.
             self._pending.stored.vehicles[str(robot)] = partial(record.model_dump_json, by_alias=True)
 
 
@@ -412,8 +419,8 @@ class Drives:
     def drop(self, drive: Drive) -> None:
         """Remove a drive of which nothing was sent."""
         for drives in (self.requested, self.granted):
-            known = drives.get(drive.robot)
-            if known and known.order_id == drive.order_id:
+            unsent = drives.get(drive.robot)
+            if unsent and unsent.order_id == drive.order_id:  # a relocation may be there beside an order's
                 del drives[drive.robot]
 
     def end(self, drive: Drive) -> None:
@@ -474,14 +481,14 @@ class PeripheralJobs:
 
     def load(self, documents: Mapping[str, str]) -> None:
         """Read the documents of the store; unreadable ones are logged and left out."""
-        found = []
+        jobs = []
         for name, document in documents.items():
             try:
-                found.append(PeripheralJob.model_validate_json(document))
+                jobs.append(PeripheralJob.model_validate_json(document))
             except ValidationError as error:
                 log.warning("stored peripheral job is unreadable", job=name, problems=problems_of(error))
-        for job in sorted(found, key=lambda job: job.number):
-            self._index(job)
+        for job in sorted(jobs, key=lambda job: job.number):
+            self._index_job(job)
             self._visible[job.name] = job
 
     def next_number(self) -> int:
@@ -491,7 +498,7 @@ class PeripheralJobs:
 
     def put(self, job: PeripheralJob) -> None:
         """Add a new job, or the new version of one."""
-        self._index(job)
+        self._index_job(job)
         self._pending.stored.documents[PERIPHERAL_JOB, job.name] = job.model_dump_json(exclude_none=True)
         self._pending.jobs.append(job)
         if job.over:
@@ -532,18 +539,18 @@ class PeripheralJobs:
         surplus = len(self._jobs) - len(self._open) - RECENT_LIMIT
         if surplus <= 0:
             return
-        for job in [each for each in self._jobs.values() if each.over and not is_needed(each)][:surplus]:
+        for job in [job for job in self._jobs.values() if job.over and not is_needed(job)][:surplus]:
             del self._jobs[job.name]
             self._visible.pop(job.name, None)
             if job.key and self._by_key.get(job.key) == job.name:
                 del self._by_key[job.key]
             self._pending.stored.documents[PERIPHERAL_JOB, job.name] = None
 
-    def _index(self, job: PeripheralJob) -> None:
+    def _index_job(self, job: PeripheralJob) -> None:
         self._last_number = max(self._last_number, job.number)
-        before, self._jobs[job.name] = self._jobs.get(job.name), job
-        if before and before.key and not job.key:
-            del self._by_key[before.key]
+        previous, self._jobs[job.name] = self._jobs.get(job.name), job
+        if previous and previous.key and not job.key:  # it no longer belongs to the route
+            del self._by_key[previous.key]
         if job.key:
             self._by_key[job.key] = job.name
         if job.over:
@@ -560,9 +567,9 @@ class PendingInstantActions:
 
     def ended(self, end: InstantActionEnded) -> None:
         """Pass on the end of an action, if a host waits for it."""
-        waiting = self._waiting.pop(end.action.action_id, None)
-        if waiting and not waiting.done():
-            waiting.set_result(end)
+        answer = self._waiting.pop(end.action.action_id, None)
+        if answer and not answer.done():  # done: the host no longer waits
+            answer.set_result(end)
 
     def expect(self, action_id: str) -> asyncio.Future[InstantActionEnded]:
         """Return a future for the end of an action that is about to be sent."""

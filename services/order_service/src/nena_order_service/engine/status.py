@@ -184,12 +184,10 @@ class StatusReporter:
     def vehicle_status(self, vehicle: FleetVehicle) -> VehicleStatus:
         """Return the status of a vehicle."""
         view = self._context.view(vehicle)
-        age = (
-            None
-            if view.state_at is None
-            else timedelta(seconds=self._context.clock.monotonic() - view.state_at)
-        )
-        last_state = None if age is None else self._context.clock.now() - age
+        clock, last_state = self._context.clock, None
+        if view.state_at is not None:
+            # Counted back from now, so that it stays right after the wall clock was set.
+            last_state = clock.now() - timedelta(seconds=clock.monotonic() - view.state_at)
         return vehicle_status(vehicle, view, self._essentials(vehicle, view), last_state)
 
     def essentials(self, vehicle: FleetVehicle) -> Essentials:
@@ -224,5 +222,5 @@ class StatusReporter:
             self._idle.note(vehicle),
             self._context.traffic.sharing(vehicle.name),
         )
-        found = [*filter(None, (reason, *more))]
-        return found[0] if len(found) == 1 else Reason(R.ALL, *found)
+        reasons = [*filter(None, (reason, *more))]
+        return reasons[0] if len(reasons) == 1 else Reason(R.ALL, *reasons)

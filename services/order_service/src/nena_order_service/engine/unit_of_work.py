@@ -109,22 +109,21 @@ class UnitOfWork:
         try:
             yield
         except BaseException as error:
-            self._discard(error)
+            changes = self._state.pending.take()
+            # A request that was refused before it changed anything has left the state as it was.
+            if changes or not isinstance(error, RefusedError):
+                self._report_failure(
+                    "unit of work failed and is not committed; restarting from the store", error
+                )
             raise
         changes = self._state.pending.take()
         if changes:
-            self._record(changes.stored)
+            self._add_requesters(changes.stored)
             for name in changes.vehicles:
                 self._unpublished[name] += 1
-            self._store.commit(changes.stored, partial(self._committed, changes))
+            self._store.commit(changes.stored, partial(self._on_committed, changes))
 
-    def _discard(self, error: BaseException) -> None:
-        changes = self._state.pending.take()
-        if isinstance(error, RefusedError) and not changes:
-            return  # a request was refused before it changed anything
-        self._fail("unit of work failed and is not committed; restarting from the store", error)
-
-    def _fail(self, event: str, error: BaseException) -> None:
+    def _report_failure(self, event: str, error: BaseException) -> None:
         report_failure(event, error)
         self.closed = FAILED
         self.failed.set()
@@ -133,6 +132,7 @@ class UnitOfWork:
         """Return a future that is done when all changes so far are committed."""
         future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         with self.begin():
+            # The store commits in order, so an effect of an empty unit runs after all earlier commits.
             self._state.after_commit(lambda: None if future.done() else future.set_result(None))
         return future
 
@@ -157,7 +157,7 @@ class UnitOfWork:
 
     async def wait_committed(self) -> None:
         """Wait until all changes so far are committed; raises StoreNotReadyError."""
-        await self._answered(self.committed())
+        await self._wait_for_store(self.committed())
 
     async def commit(self, changes: Changes, then: Callable[[], None]) -> None:
         """Commit changes of documents outside the state, then call ``then``.
@@ -174,15 +174,15 @@ class UnitOfWork:
                 future.set_result(None)
             then()
 
-        self._record(changes)
+        self._add_requesters(changes)
         self._store.commit(changes, committed)
-        await self._answered(future)
+        await self._wait_for_store(future)
 
-    def _record(self, changes: Changes) -> None:
+    def _add_requesters(self, changes: Changes) -> None:
         for record in self.recorders:
             record(changes)
 
-    async def _answered(self, answer: asyncio.Future[None]) -> None:
+    async def _wait_for_store(self, answer: asyncio.Future[None]) -> None:
         self._store.fail_on_loss(answer)
         try:
             async with asyncio.timeout(self._timeout):
@@ -199,13 +199,13 @@ class UnitOfWork:
         """The last published status of each vehicle."""
         return self._published.values()
 
-    def _committed(self, changes: PendingChanges) -> None:
+    def _on_committed(self, changes: PendingChanges) -> None:
         self._state.orders.committed(changes.orders)
         self._state.sequences.committed(changes.sequences)
         self._state.peripheral_jobs.committed(changes.jobs)
         for effect in changes.effects:
-            self._run(effect)
-        due = self._no_longer_unpublished(changes.vehicles)
+            self._run_effect(effect)
+        due = self._vehicles_to_publish(changes.vehicles)
         statuses = [status for name in sorted(due) if (status := self._vehicle_status(name))]
         self._published.update({status.name: Essentials.of(status) for status in statuses})
         for listener in self.listeners:
@@ -215,26 +215,26 @@ class UnitOfWork:
                 listener.order_changed(order.status)
             for status in statuses:
                 listener.vehicle_changed(status)
-
-        for each in self.peripheral_listeners:
+        for peripheral_listener in self.peripheral_listeners:
             for job in changes.jobs:
-                each.job_changed(job.status)
+                peripheral_listener.job_changed(job.status)
             for location in sorted(changes.peripherals):
-                each.peripheral_changed(location)
+                peripheral_listener.peripheral_changed(location)
 
-    def _run(self, effect: Effect) -> None:
+    def _run_effect(self, effect: Effect) -> None:
         try:
             if event := effect():
                 self._on_event(event)
         except Exception as error:  # noqa: BLE001 - it is reported
-            self._fail("effect of a committed change failed; restarting from the store", error)
+            self._report_failure("effect of a committed change failed; restarting from the store", error)
 
-    def _no_longer_unpublished(self, vehicles: Iterable[str]) -> list[str]:
-        """Return the vehicles of a committed unit that are to be published now, not by a later unit."""
+    def _vehicles_to_publish(self, vehicles: Iterable[str]) -> list[str]:
+        """Return the vehicles whose status this commit publishes."""
         due = []
         for name in vehicles:
             self._unpublished[name] -= 1
             self._passed_over[name] += 1
+            # A later unit publishes it. With a slow store there is always a later one, hence the limit.
             if self._unpublished[name] and self._passed_over[name] < UNPUBLISHED_AT_MOST:
                 continue
             due.append(name)
