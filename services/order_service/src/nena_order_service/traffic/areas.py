@@ -23,34 +23,38 @@ def resources_in(plant: PlantModel, area: Area) -> frozenset[str]:
     A path counts by its straight line, its drawing and its trajectories, as it is unknown which of them a
     robot follows. Points without a map count on every map.
     """
-    points = {each.name for each in plant.points if _on_map(each, area) and area.contains(each.x_m, each.y_m)}
-    paths = {each.name for each in plant.paths if _touches(plant, each, area)}
+    points = {
+        point.name
+        for point in plant.points
+        if _is_on_map(point, area) and area.contains(point.x_m, point.y_m)
+    }
+    paths = {path.name for path in plant.paths if _touches_area(plant, path, area)}
     return frozenset(points | paths)
 
 
-def _on_map(point: Point, area: Area) -> bool:
+def _is_on_map(point: Point, area: Area) -> bool:
     return None in (point.map_id, area.map_id) or point.map_id == area.map_id
 
 
-def _touches(plant: PlantModel, path: Path, area: Area) -> bool:
+def _touches_area(plant: PlantModel, path: Path, area: Area) -> bool:
     ends = plant.point(path.source), plant.point(path.destination)
-    if not any(_on_map(each, area) for each in ends):
+    if not any(_is_on_map(point, area) for point in ends):
         return False
-    return any(area.crosses(*each) for line in _lines(path, *ends) for each in pairwise(line))
+    return any(area.crosses(*segment) for line in _possible_lines(path, *ends) for segment in pairwise(line))
 
 
-def _lines(path: Path, source: Point, destination: Point) -> Iterator[Line]:
+def _possible_lines(path: Path, source: Point, destination: Point) -> Iterator[Line]:
     """Yield all lines along which a path may lead, m in the plant frame."""
     start, end = (source.x_m, source.y_m), (destination.x_m, destination.y_m)
     yield (start, end)
     drawn = (
         start,
-        *((each.x_mm / MM_PER_M, each.y_mm / MM_PER_M) for each in path.layout.control_points),
+        *((point.x_mm / MM_PER_M, point.y_mm / MM_PER_M) for point in path.layout.control_points),
         end,
     )
     if path.layout.connection_type in (ConnectionType.BEZIER, ConnectionType.BEZIER_3):
         for first in range(0, len(drawn) - BEZIER_POINTS + 1, BEZIER_POINTS - 1):
-            yield _bezier(drawn[first : first + BEZIER_POINTS])
+            yield _bezier_line(drawn[first : first + BEZIER_POINTS])
     elif len(drawn) > len((start, end)):
         yield drawn
     for use in path.vehicle_types:
@@ -58,6 +62,6 @@ def _lines(path: Path, source: Point, destination: Point) -> Iterator[Line]:
             yield places(use.trajectory)
 
 
-def _bezier(points: Line) -> Line:
+def _bezier_line(points: Line) -> Line:
     controls = tuple(TrajectoryPoint(x=x, y=y) for x, y in points)
     return places(PathTrajectory(degree=3, knot_vector=CUBIC_BEZIER_KNOTS, control_points=controls))

@@ -10,6 +10,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
+from itertools import chain
 from typing import Final
 
 from nena_order_service.routing.graph import RoutingProfile
@@ -62,32 +63,32 @@ class Forecast:
         self._courses: dict[str, _Course] = {}
         for name, drive in drives.items():
             self._courses[name] = _Course(drive, deque(drive.held))
-            for each in drive.held:
-                self._holds.add(name, each.uses)
+            for resource_set in drive.held:
+                self._holds.add(name, resource_set.uses)
         for name in drives:
-            self._go_on(name, 0.0)
+            self._start_or_wait(name, 0.0)
         while self._arrivals and self._arrivals[0][0] <= horizon:
             now, name = heappop(self._arrivals)
-            freed = self._arrive(name, now)
-            self._go_on(name, now)
-            for other in dict.fromkeys(other for use in freed for other in self._waiting.pop(use, ())):
-                if other in self._standing:
-                    self._go_on(other, now)
+            freed = self._reach_next_set(name, now)
+            self._start_or_wait(name, now)
+            for waiting in dict.fromkeys(chain.from_iterable(self._waiting.pop(use, ()) for use in freed)):
+                if waiting in self._standing:
+                    self._start_or_wait(waiting, now)
 
     def arrivals(self, vehicle: str) -> tuple[float, ...]:
         """Return the seconds until a vehicle arrives at each set ahead, as far as they are known."""
         return tuple(self._courses[vehicle].arrivals)
 
-    def _arrive(self, name: str, now: float) -> list[str]:
+    def _reach_next_set(self, name: str, now: float) -> list[str]:
         """Move a vehicle to its next set; return the resources that it has left."""
         course = self._courses[name]
         course.arrivals.append(now)
         course.reached += 1
         at = len(course.held) - 1 - max(course.drive.allocated - course.reached, 0)
         gone = [course.held.popleft() for _ in range(covered_from(course.held, at, course.drive.length_mm))]
-        return [use for each in gone for use in self._holds.remove(name, each.uses)]
+        return [use for resource_set in gone for use in self._holds.remove(name, resource_set.uses)]
 
-    def _go_on(self, name: str, now: float) -> None:
+    def _start_or_wait(self, name: str, now: float) -> None:
         """Start a vehicle's drive to its next set, or let it wait until what blocks it has changed."""
         course = self._courses[name]
         drive, index = course.drive, course.reached
@@ -111,7 +112,7 @@ class Forecast:
         refusal = course.drive.refusal
         if not refusal or refusal.reason is not WaitReason.ORDER or course.reached > course.drive.allocated:
             return False
-        return any(self._is_to_pass(other, refusal.resource) for other in refusal.vehicles)
+        return any(self._is_to_pass(vehicle, refusal.resource) for vehicle in refusal.vehicles)
 
     def _is_to_pass(self, name: str, resource: str) -> bool:
         """Return whether a vehicle is on a resource or has yet to drive over it."""
@@ -119,7 +120,7 @@ class Forecast:
         if course is None:
             return False
         sets = (*course.held, *course.drive.ahead[course.reached :])
-        return any(resource in each.uses for each in sets)
+        return any(resource in resource_set.uses for resource_set in sets)
 
 
 UNKNOWN_SPEED_MM_S: Final = 1000
@@ -139,7 +140,7 @@ class Pace:
     def edge(self, start: str, step: ResourceSet) -> DirectedEdge | None:
         """Return the edge that leads to a set; None if the vehicle drives there straight, off the paths."""
         edges = self._edges.get((start, step.point), ())
-        return next((each for each in edges if each.path.name in step.uses), edges[0] if edges else None)
+        return next((edge for edge in edges if edge.path.name in step.uses), edges[0] if edges else None)
 
     def of(
         self, vehicle: Vehicle | None, robot: Factsheet | None
@@ -154,7 +155,7 @@ class Pace:
 
         def seconds(edge: DirectedEdge | None, length_mm: float) -> float:
             by_plant = profile.speed_mm_s(edge) if edge else own
-            known = [each for each in (by_plant, by_robot) if each > 0]
-            return length_mm / min(known, default=UNKNOWN_SPEED_MM_S)
+            speeds = [speed for speed in (by_plant, by_robot) if speed > 0]
+            return length_mm / min(speeds, default=UNKNOWN_SPEED_MM_S)
 
         return seconds

@@ -273,8 +273,8 @@ class TrafficManager:
         """
         for vehicle, route in self.extending():
             if self.is_blocked(vehicle) and route.refusal:
-                blockers = [other for other in route.refusal.vehicles if other not in self._routes]
-                if blockers and all(movable(other) or lost(other) for other in blockers):
+                blockers = [name for name in route.refusal.vehicles if name not in self._routes]
+                if blockers and all(movable(name) or lost(name) for name in blockers):
                     yield vehicle
             elif self.scheduler.occupant(vehicle).resting:
                 refusal = self._refusals.get(vehicle)

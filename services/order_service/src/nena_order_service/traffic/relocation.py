@@ -103,20 +103,20 @@ class Relocator:
             if place in kept or self._scheduler.users(place):
                 continue
             route = self._routes.route(vehicle, occupant.point, place)
-            way = self._way(vehicle, route)
-            if around := self._around(vehicle, way, place):
-                route, way = around, self._way(vehicle, around)
+            way = self._resources_of(vehicle, route)
+            if around := self._route_around(vehicle, way, place):
+                route, way = around, self._resources_of(vehicle, around)
             if not overlap(self._scheduler.end_of(vehicle, way), kept_free):
                 yield route, way
                 tried += 1
                 if tried == CANDIDATES_TRIED:
                     return
 
-    def _way(self, vehicle: str, route: Route) -> list[ResourceSet]:
+    def _resources_of(self, vehicle: str, route: Route) -> list[ResourceSet]:
         occupant = self._scheduler.occupant(vehicle)
         return self._resources.way(route.steps, start=occupant.held[-1], entry=occupant.entry)
 
-    def _around(self, vehicle: str, way: Sequence[ResourceSet], place: str) -> Route | None:
+    def _route_around(self, vehicle: str, way: Sequence[ResourceSet], place: str) -> Route | None:
         """Return a route around the vehicles that rest on ``way``; None if there are none, or no route."""
         resting = self._scheduler.resting_on(vehicle, way)
         if not resting:
@@ -139,6 +139,6 @@ def overlap(some: Iterable[ResourceSet], others: Iterable[ResourceSet]) -> str |
             uses.setdefault(resource, set()).add(direction)
     for resource_set in some:
         for resource, direction in resource_set.uses.items():
-            if any(conflict(direction, other) for other in uses.get(resource, ())):
+            if any(conflict(direction, direction_there) for direction_there in uses.get(resource, ())):
                 return resource
     return None

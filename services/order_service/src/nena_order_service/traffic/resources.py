@@ -43,12 +43,12 @@ class ResourceSet:
 def opposite_edges(plant: PlantModel) -> dict[tuple[str, str], list[str]]:
     """Return the edges in the opposite direction, for each path and the point to which it is driven."""
     edges: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
-    for each in plant.edges():
-        edges[each.source, each.destination].append(each.id)
+    for edge in plant.edges():
+        edges[edge.source, edge.destination].append(edge.id)
     return {
-        (each.path.name, each.destination): edges[each.destination, each.source]
-        for each in plant.edges()
-        if (each.destination, each.source) in edges
+        (edge.path.name, edge.destination): edges[edge.destination, edge.source]
+        for edge in plant.edges()
+        if (edge.destination, edge.source) in edges
     }
 
 
@@ -62,14 +62,14 @@ class Resources:
     def __init__(self, plant: PlantModel, *, exclusive: bool = True, peripherals: bool = True) -> None:
         self._exclusive = exclusive
         self._devices = DeviceUse(plant if peripherals else None)
-        driven = {(each.source, each.destination) for each in plant.paths}
+        driven = {(path.source, path.destination) for path in plant.paths}
         self._crossings = Crossings(plant)
         self._two_way = {
-            each.name
-            for each in plant.paths
-            if each.max_reverse_velocity_mm_s or (each.destination, each.source) in driven
+            path.name
+            for path in plant.paths
+            if path.max_reverse_velocity_mm_s or (path.destination, path.source) in driven
         }
-        self._block_names = {each.name for each in plant.blocks} | self._devices.names
+        self._block_names = {block.name for block in plant.blocks} | self._devices.names
         self._blocks: defaultdict[str, list[Block]] = defaultdict(list)
         for block in plant.blocks:
             for member in block.members:
@@ -98,22 +98,22 @@ class Resources:
 
     def on(self, point: str, members: Sequence[str], *, length_mm: int = 0) -> ResourceSet:
         """Return the resources of a vehicle on ``members`` whose routes begin or end at ``point``."""
-        return ResourceSet(point, length_mm, self._uses(members, {}))
+        return ResourceSet(point, length_mm, self._uses_of(members, {}))
 
     def along(
         self, steps: Iterable[Step], *, start: ResourceSet, at_goal: Sequence[str] = ()
     ) -> Iterator[ResourceSet]:
         """Yield the resources of each step of a route from ``start``; the last set includes ``at_goal``."""
         way = tuple(steps)
-        before = start
+        last = start
         devices = self._devices.along([step.path.name for step in way], start.uses)
         for index, step in enumerate(way):
             members = [step.path.name, step.destination, *devices.get(index, ())]
             if index == len(way) - 1:
                 members.extend(at_goal)
-            directions = self._directions(members, step, before)
-            before = ResourceSet(step.destination, step.path.length_mm, self._uses(members, directions))
-            yield before
+            directions = self._block_directions(members, step, last)
+            last = ResourceSet(step.destination, step.path.length_mm, self._uses_of(members, directions))
+            yield last
 
     def way(
         self,
@@ -128,24 +128,26 @@ class Resources:
         ``at_goal`` are the location and the peripheral devices that the vehicle uses at its goal. If it is
         there already, it needs only those.
         """
-        before = [] if entry is None else [entry]
+        sets = [] if entry is None else [entry]
         if steps or not at_goal:
-            return [*before, *self.along(steps, start=entry or start, at_goal=at_goal)]
+            return [*sets, *self.along(steps, start=entry or start, at_goal=at_goal)]
         if entry is None:
-            return [ResourceSet(start.point, 0, self._uses(at_goal, {}))]
-        return [ResourceSet(entry.point, entry.length_mm, {**entry.uses, **self._uses(at_goal, {})})]
+            return [ResourceSet(start.point, 0, self._uses_of(at_goal, {}))]
+        return [ResourceSet(entry.point, entry.length_mm, {**entry.uses, **self._uses_of(at_goal, {})})]
 
-    def _directions(self, members: Iterable[str], step: Step, before: ResourceSet) -> dict[str, str | None]:
+    def _block_directions(
+        self, members: Iterable[str], step: Step, last: ResourceSet
+    ) -> dict[str, str | None]:
         """Return the direction for each SAME_DIRECTION_ONLY block; a vehicle keeps that of its entry."""
         entry = step.path.properties.get(BLOCK_ENTRY_DIRECTION, step.edge_id)
         return {
-            block.name: before.uses.get(block.name, entry)
+            block.name: last.uses.get(block.name, entry)
             for member in members
             for block in self._blocks.get(member, ())
             if block.type is BlockType.SAME_DIRECTION_ONLY
         }
 
-    def _uses(self, members: Sequence[str], directions: Mapping[str, str | None]) -> Uses:
+    def _uses_of(self, members: Sequence[str], directions: Mapping[str, str | None]) -> Uses:
         if not self._exclusive:
             return {}
         uses: dict[str, str | None] = dict.fromkeys((*members, *self._devices.of(members)))
@@ -165,18 +167,20 @@ class DeviceUse:
     def __init__(self, plant: PlantModel | None) -> None:
         paths = plant.paths if plant else ()
         waited_for = {
-            each.location for path in paths for each in path.peripheral_operations if each.completion_required
+            operation.location
+            for path in paths
+            for operation in path.peripheral_operations
+            if operation.completion_required
         }
         self.names = frozenset(waited_for)
         self._opening: dict[str, tuple[str, ...]] = {}
         self._closing: dict[str, tuple[str, ...]] = {}
         for path in paths:
-            found = [each for each in path.peripheral_operations if each.location in waited_for]
-            after = [each.execution_trigger is ExecutionTrigger.AFTER_MOVEMENT for each in found]
-            if opening := [each.location for each, closes in zip(found, after, strict=True) if not closes]:
-                self._opening[path.name] = tuple(opening)
-            if closing := [each.location for each, closes in zip(found, after, strict=True) if closes]:
-                self._closing[path.name] = tuple(closing)
+            for operation in path.peripheral_operations:
+                if operation.location in waited_for:
+                    closes = operation.execution_trigger is ExecutionTrigger.AFTER_MOVEMENT
+                    devices = self._closing if closes else self._opening
+                    devices[path.name] = (*devices.get(path.name, ()), operation.location)
 
     def of(self, members: Iterable[str]) -> Iterator[str]:
         """Yield the devices that a vehicle needs wherever it is on a path among ``members``."""
@@ -239,25 +243,31 @@ class Crossings:
 
     def is_open(self, point: str) -> bool:
         """Return whether others can drive around a point."""
-        known = self._open.get(point)
-        if known is None:
-            others = self._neighbours.get(point, set())
-            paths = DETOUR_PATHS if len(others) >= CROSSING else PASSING_PATHS
-            known = len(others) > 1 and all(self._leads_to(others, one, point, paths) for one in others)
-            self._open[point] = known
-        return known
+        is_open = self._open.get(point)
+        if is_open is None:
+            neighbours = self._neighbours.get(point, set())
+            paths = DETOUR_PATHS if len(neighbours) >= CROSSING else PASSING_PATHS
+            is_open = len(neighbours) > 1 and all(
+                self._leads_to(neighbours, neighbour, point, paths) for neighbour in neighbours
+            )
+            self._open[point] = is_open
+        return is_open
 
     def _leads_to(self, others: set[str], start: str, without: str, paths: int) -> bool:
         """Return whether ``start`` leads to all others by at most ``paths`` paths, avoiding ``without``."""
         reached = newest = {start}
         for _ in range(paths):
-            newest = {other for one in newest for other in self._after(one)} - reached - {without}
+            newest = (
+                {point for reached_point in newest for point in self._neighbours_of(reached_point)}
+                - reached
+                - {without}
+            )
             reached = reached | newest
             if others <= reached or not newest:
                 break
         return others <= reached
 
-    def _after(self, point: str) -> Iterator[str]:
+    def _neighbours_of(self, point: str) -> Iterator[str]:
         for edge in self._edges.get(point, ()):
             if not self._locks.get(edge.path.name, edge.path.locked):
                 yield edge.destination
@@ -297,9 +307,9 @@ class UseIndex:
         """Yield the other users of resources that ``vehicle`` cannot share with them, as (user, resource)."""
         for uses in sets:
             for resource, direction in uses.items():
-                for other, their_direction in self._users.get(resource, ()):
-                    if other != vehicle and (direction is None or direction != their_direction):
-                        yield other, resource
+                for user, their_direction in self._users.get(resource, ()):
+                    if user != vehicle and (direction is None or direction != their_direction):
+                        yield user, resource
 
     def users(self, resource: str) -> frozenset[str]:
         """Return the vehicles that use ``resource``."""
@@ -340,7 +350,7 @@ class Occupant:
     @property
     def length_behind_next_mm(self) -> int:
         """How far it may drive beyond the next set, mm."""
-        return sum(each.length_mm for each in islice(self.held, self.reached + 2, None))
+        return sum(resource_set.length_mm for resource_set in islice(self.held, self.reached + 2, None))
 
     def at_end(self, way: Sequence[ResourceSet]) -> list[ResourceSet]:
         """Return the sets that it covers at the end of ``way``, which follows what it holds."""
@@ -402,15 +412,15 @@ class OccupancyFinder:
         self._plant = plant
         self._resources = resources
         places = plant.points_by_name
-        self._points = PlanarIndex((_box(each), each) for each in plant.points)
+        self._points = PlanarIndex((_box_around(point), point) for point in plant.points)
         self._paths = PlanarIndex(
-            (_box(places[each.source], places[each.destination]), each) for each in plant.paths
+            (_box_around(places[path.source], places[path.destination]), path) for path in plant.paths
         )
 
     def of(self, found: Found, box: BoundingBox) -> OccupiedResources:
         """Return what a vehicle of this size occupies."""
         reach_mm = box.length_mm / 2 + abs(box.reference_offset_x_mm)
-        members = list(dict.fromkeys(self._under(found, reach_mm)))
+        members = list(dict.fromkeys(self._names_under(found, reach_mm)))
         under = self._resources.on(found.point, members)
         if found.on_point or found.place_mm is None:
             return OccupiedResources(under)
@@ -420,7 +430,7 @@ class OccupancyFinder:
             under, self._resources.on(found.point, (found.point,), length_mm=round(way_mm))
         )
 
-    def _under(self, found: Found, reach_mm: float) -> Iterator[str]:
+    def _names_under(self, found: Found, reach_mm: float) -> Iterator[str]:
         if found.on_point or found.place_mm is None:
             yield found.point
         if found.place_mm is None:
@@ -436,9 +446,9 @@ class OccupancyFinder:
     def _paths_under(self, found: Found, place_mm: tuple[float, float], reach_mm: float) -> Iterator[str]:
         points = self._plant.points_by_name
         for path in self._paths.near(*place_mm, reach_mm):
-            one, other = points[path.source], points[path.destination]
-            ends = ((one.x_mm, one.y_mm), (other.x_mm, other.y_mm))
-            if self._on_map(one.name, found) and _distance_mm(place_mm, *ends) < reach_mm:
+            source, target = points[path.source], points[path.destination]
+            ends = ((source.x_mm, source.y_mm), (target.x_mm, target.y_mm))
+            if self._on_map(source.name, found) and _distance_mm(place_mm, *ends) < reach_mm:
                 yield path.name
 
     def _on_map(self, point: str, found: Found) -> bool:
@@ -446,15 +456,15 @@ class OccupancyFinder:
         return not map_id or not found.map_id or map_id == found.map_id
 
 
-def _box(*points: Point) -> Box:
-    xs, ys = [each.x_mm for each in points], [each.y_mm for each in points]
+def _box_around(*points: Point) -> Box:
+    xs, ys = [point.x_mm for point in points], [point.y_mm for point in points]
     return Box(min(xs), min(ys), max(xs), max(ys))
 
 
-def _distance_mm(place: tuple[float, float], one: tuple[float, float], other: tuple[float, float]) -> float:
+def _distance_mm(place: tuple[float, float], start: tuple[float, float], end: tuple[float, float]) -> float:
     """Return the distance of a position from the segment between two others, mm."""
-    along = (other[0] - one[0], other[1] - one[1])
-    apart = (place[0] - one[0], place[1] - one[1])
+    along = (end[0] - start[0], end[1] - start[1])
+    apart = (place[0] - start[0], place[1] - start[1])
     square = along[0] ** 2 + along[1] ** 2
     share = min(max((apart[0] * along[0] + apart[1] * along[1]) / square, 0.0), 1.0) if square else 0.0
     return hypot(apart[0] - share * along[0], apart[1] - share * along[1])

@@ -128,16 +128,16 @@ class RouteSearch:
         burden = {name: share for name, share in shares.items() if share > 0}
         try:
             without = self._drivable.intersection(closed).union(avoid)
-            other = self._routes.route(vehicle, start, ahead[-1].point, avoid=without, burden=burden)
+            detour = self._routes.route(vehicle, start, ahead[-1].point, avoid=without, burden=burden)
         except (NoRouteError, UnknownObjectError):  # a new plant model may lack the point
             return None
         present = self._routes.along(
             vehicle, start, ((resource_set.point, resource_set.uses) for resource_set in ahead)
         )
         if present is None:
-            return other
+            return detour
         cost = burdened(burden)
-        return other if sum(map(cost, other.steps)) < WORTH_IT * sum(map(cost, present)) else None
+        return detour if sum(map(cost, detour.steps)) < WORTH_IT * sum(map(cost, present)) else None
 
     def forget(self, vehicle: str) -> None:
         """Drop the cached route of one vehicle."""

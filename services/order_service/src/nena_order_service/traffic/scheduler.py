@@ -52,14 +52,14 @@ class Refusal:
 
     def in_words(self) -> Reason:
         """Return, as a predicate, which vehicles are waited for, where and why."""
-        names, one = ", ".join(self.vehicles), len(self.vehicles) == 1
+        names, is_one = ", ".join(self.vehicles), len(self.vehicles) == 1
         match self.reason:
             case WaitReason.HELD:
-                code = R.YIELDS_TO if one else R.YIELDS_TO_SEVERAL
+                code = R.YIELDS_TO if is_one else R.YIELDS_TO_SEVERAL
             case WaitReason.RESTING:
-                code = R.STANDS_ON if one else R.STAND_ON
+                code = R.STANDS_ON if is_one else R.STAND_ON
             case WaitReason.ORDER:
-                code, why = R.GOES_FIRST if one else R.GO_FIRST, self._why_first()
+                code, why = R.GOES_FIRST if is_one else R.GO_FIRST, self._why_first()
                 return Reason(code, why, vehicles=names, at=self.resource)
         return Reason(code, vehicles=names, at=self.resource)
 
@@ -117,7 +117,7 @@ class Scheduler:
         sets = deque(place)
         self._occupants[name] = Occupant(name, length_mm, sets, reached=len(sets) - 1, entry=entry)
         for resource_set in sets:
-            self._add(self._holds, name, resource_set.uses)
+            self._add_use(self._holds, name, resource_set.uses)
 
     def remove(self, name: str) -> None:
         """Remove a vehicle and free what it holds; does nothing for an unknown one."""
@@ -126,7 +126,7 @@ class Scheduler:
         self.give_up_claim(name)
         self._forget_end(name)
         for resource_set in self._occupants.pop(name).held:
-            self._remove(self._holds, name, resource_set.uses)
+            self._remove_use(self._holds, name, resource_set.uses)
 
     def claim(self, name: str, way: Sequence[ResourceSet]) -> Refusal | None:
         """Claim a route that follows what the vehicle holds.
@@ -134,11 +134,11 @@ class Scheduler:
         Return the refusal, in which case nothing has changed; None on success. Replaces an existing claim.
         """
         occupant = self.occupant(name)
-        if refusal := self._resting_on(name, way):
+        if refusal := self._why_resting(name, way):
             return refusal
         last_claim, changed = tuple(occupant.claimed), name in self.changed
         self._set_claim(occupant, way)
-        if refusal := self._cycle(name):
+        if refusal := self._find_cycle(name):
             self._set_claim(occupant, last_claim)
             if not changed:
                 self.changed.discard(name)
@@ -156,9 +156,9 @@ class Scheduler:
             raise LookupError(message)
         wanted = occupant.claimed[0]
         # Another vehicle may have stopped on the route since the claim, and must be able to leave.
-        if refusal := self._resting_on(name, occupant.claimed) or self._held(name, wanted):
+        if refusal := self._why_resting(name, occupant.claimed) or self._why_held(name, wanted):
             return refusal
-        if refusal := self._precedence(name, wanted):
+        if refusal := self._why_behind(name, wanted):
             return refusal
         self.seize(name)
         return None
@@ -167,7 +167,7 @@ class Scheduler:
         """Restore what a vehicle at rest held and claimed before, without checks."""
         occupant = self.occupant(name)
         for resource_set in held:
-            self._add(self._holds, name, resource_set.uses)
+            self._add_use(self._holds, name, resource_set.uses)
         occupant.held.extend(held)
         self._set_claim(occupant, claimed)
 
@@ -175,18 +175,18 @@ class Scheduler:
         """Allocate the vehicle's next claimed set without checks: it is already there."""
         occupant = self.occupant(name)
         taken = occupant.claimed.popleft()
-        self._remove(self._claims, name, taken.uses)
+        self._remove_use(self._claims, name, taken.uses)
         occupant.held.append(taken)
-        self._add(self._holds, name, taken.uses)
+        self._add_use(self._holds, name, taken.uses)
 
     def give_back(self, name: str, count: int) -> None:
         """Return the last ``count`` held sets, where the vehicle was not let, to the start of its claim."""
         occupant = self.occupant(name)
         for _ in range(count):
             returned = occupant.held.pop()
-            self._remove(self._holds, name, returned.uses)
+            self._remove_use(self._holds, name, returned.uses)
             occupant.claimed.appendleft(returned)
-            self._add(self._claims, name, returned.uses)
+            self._add_use(self._claims, name, returned.uses)
 
     def holders(self, resource: str) -> frozenset[str]:
         """Return the vehicles that hold ``resource``."""
@@ -197,7 +197,7 @@ class Scheduler:
         occupant = self.occupant(name)
         freed = occupant.arrive(index)
         for resource_set in freed:
-            self._remove(self._holds, name, resource_set.uses)
+            self._remove_use(self._holds, name, resource_set.uses)
         self.changed.add(name)
         if occupant.resting:  # others may now have to send it away
             self._forget_end(name)
@@ -209,7 +209,7 @@ class Scheduler:
 
     def sharing(self, name: str) -> tuple[str, str] | None:
         """Return another vehicle on one of this one's exclusive resources, and the resource; or None."""
-        return next(self._others(self._holds, name, self.occupant(name).held), None)
+        return next(self._other_users(self._holds, name, self.occupant(name).held), None)
 
     def turn_back_mm(self, refusal: Refusal) -> int:
         """Return how far, mm, the first vehicle would have to turn back if the refused one went first.
@@ -225,10 +225,10 @@ class Scheduler:
         following = next(iter((*tuple(first.held)[first.reached + 1 :], *first.claimed)), None)
         if index is None or following is None:
             return 0
-        before = {use for resource_set in way[: index + 1] for use in resource_set.uses} - {first.point}
+        passed = {use for resource_set in way[: index + 1] for use in resource_set.uses} - {first.point}
         return (
             0
-            if before.isdisjoint(following.uses)
+            if passed.isdisjoint(following.uses)
             else sum(resource_set.length_mm for resource_set in way[index + 1 :])
         )
 
@@ -238,13 +238,13 @@ class Scheduler:
 
     def resting_on(self, name: str, way: Iterable[ResourceSet]) -> tuple[str, ...]:
         """Return the vehicles that rest where ``name`` would have to pass or to stop."""
-        found = (other for other, _ in self._others(self._holds, name, way))
-        return tuple(dict.fromkeys(other for other in found if self._occupants[other].resting))
+        holders = (holder for holder, _ in self._other_users(self._holds, name, way))
+        return tuple(dict.fromkeys(holder for holder in holders if self._occupants[holder].resting))
 
     def rests_or_will_rest_on(self, name: str, way: Iterable[ResourceSet]) -> bool:
         """Return whether others rest, or will rest, where ``name`` would have to pass or to stop."""
         way = tuple(way)
-        return bool(self.resting_on(name, way)) or any(self._others(self._ends, name, way))
+        return bool(self.resting_on(name, way)) or any(self._other_users(self._ends, name, way))
 
     def end_of(self, name: str, way: Sequence[ResourceSet]) -> list[ResourceSet]:
         """Return what the vehicle would rest on at the end of ``way``."""
@@ -255,7 +255,7 @@ class Scheduler:
         count = 0
         for resource_set in way:
             if any(
-                self._occupants[other].resting for other, _ in self._holds.others(name, resource_set.uses)
+                self._occupants[holder].resting for holder, _ in self._holds.others(name, resource_set.uses)
             ):
                 break
             count += 1
@@ -264,56 +264,60 @@ class Scheduler:
     def _set_claim(self, occupant: Occupant, way: Sequence[ResourceSet]) -> None:
         name = occupant.name
         for resource_set in occupant.claimed:
-            self._remove(self._claims, name, resource_set.uses)
+            self._remove_use(self._claims, name, resource_set.uses)
         self._forget_end(name)
         occupant.claimed = deque(way)
         for resource_set in way:
-            self._add(self._claims, name, resource_set.uses)
+            self._add_use(self._claims, name, resource_set.uses)
         if not occupant.resting:
             self._rests[name] = occupant.at_end(way)
             for resource_set in self._rests[name]:
-                self._add(self._ends, name, resource_set.uses)
+                self._add_use(self._ends, name, resource_set.uses)
 
     def _forget_end(self, name: str) -> None:
         for resource_set in self._rests.pop(name, ()):
-            self._remove(self._ends, name, resource_set.uses)
+            self._remove_use(self._ends, name, resource_set.uses)
 
-    def _others(self, index: UseIndex, name: str, sets: Iterable[ResourceSet]) -> Iterator[tuple[str, str]]:
+    def _other_users(
+        self, index: UseIndex, name: str, sets: Iterable[ResourceSet]
+    ) -> Iterator[tuple[str, str]]:
         return index.others(name, *[resource_set.uses for resource_set in sets])
 
-    def _resting_on(self, name: str, way: Iterable[ResourceSet]) -> Refusal | None:
+    def _why_resting(self, name: str, way: Iterable[ResourceSet]) -> Refusal | None:
         way = tuple(way)
-        for other, resource in self._others(self._holds, name, way):
-            if self._occupants[other].resting:
+        for holder, resource in self._other_users(self._holds, name, way):
+            if self._occupants[holder].resting:
                 return Refusal(WaitReason.RESTING, self.resting_on(name, way), resource)
         return None
 
-    def _held(self, name: str, wanted: ResourceSet) -> Refusal | None:
-        others = list(self._holds.others(name, wanted.uses))
-        if not others:
+    def _why_held(self, name: str, wanted: ResourceSet) -> Refusal | None:
+        holders = list(self._holds.others(name, wanted.uses))
+        if not holders:
             return None
-        resting = all(self._occupants[other].resting for other, _ in others)
-        names = tuple(dict.fromkeys(other for other, _ in others))
-        return Refusal(WaitReason.RESTING if resting else WaitReason.HELD, names, others[0][1])
+        resting = all(self._occupants[holder].resting for holder, _ in holders)
+        names = tuple(dict.fromkeys(holder for holder, _ in holders))
+        return Refusal(WaitReason.RESTING if resting else WaitReason.HELD, names, holders[0][1])
 
-    def _precedence(self, name: str, wanted: ResourceSet) -> Refusal | None:
+    def _why_behind(self, name: str, wanted: ResourceSet) -> Refusal | None:
         """Return the refusal by a vehicle that claims ``wanted`` and must go first, if any."""
-        for other, resource in self._claims.others(name, wanted.uses):
-            if between := self._chain(other, name):
+        for claimer, resource in self._claims.others(name, wanted.uses):
+            if between := self._find_chain(claimer, name):
                 claimed = tuple(self._occupants[name].claimed)
-                return Refusal(WaitReason.ORDER, (other,), resource, between, claimed)
+                return Refusal(WaitReason.ORDER, (claimer,), resource, between, claimed)
         return None
 
-    def _cycle(self, name: str) -> Refusal | None:
+    def _find_cycle(self, name: str) -> Refusal | None:
         """Return the refusal by a vehicle that must go both before and after this one, if any."""
-        ring = self._chain(name, name)
+        ring = self._find_chain(name, name)
         if not ring:
             return None
         first = ring[1] if len(ring) > 1 else name
-        resource = next((resource for other, resource in self._reasons(name) if other == first), "")
+        resource = next(
+            (resource for vehicle, resource in self._vehicles_behind(name) if vehicle == first), ""
+        )
         return Refusal(WaitReason.ORDER, (first,), resource, ring, tuple(self._occupants[name].claimed))
 
-    def _chain(self, first: str, later: str) -> tuple[str, ...]:
+    def _find_chain(self, first: str, later: str) -> tuple[str, ...]:
         """Return the vehicles through which ``first`` must arrive before ``later``, starting with ``first``.
 
         Empty if it need not.
@@ -322,47 +326,48 @@ class Scheduler:
         open_ends = [first]
         while open_ends:
             name = open_ends.pop()
-            after = self._later.get(name, ())
-            if later in after:
+            followers = self._later.get(name, ())
+            if later in followers:
                 chain = [name]
                 while came_from[chain[-1]]:
                     chain.append(came_from[chain[-1]])
                 return tuple(reversed(chain))
-            for other in after:
-                if other not in came_from:
-                    came_from[other] = name
-                    open_ends.append(other)
+            for follower in followers:
+                if follower not in came_from:
+                    came_from[follower] = name
+                    open_ends.append(follower)
         return ()
 
-    def _reasons(self, name: str) -> Iterator[tuple[str, str]]:
+    def _vehicles_behind(self, name: str) -> Iterator[tuple[str, str]]:
         """Yield the vehicles that cannot arrive before this one, and for which resource."""
         occupant = self._occupants[name]
-        yield from self._others(self._claims, name, occupant.held)
-        yield from self._others(self._ends, name, occupant.claimed)
+        yield from self._other_users(self._claims, name, occupant.held)
+        yield from self._other_users(self._ends, name, occupant.claimed)
 
-    def _add(self, index: UseIndex, name: str, uses: Uses) -> None:
+    def _add_use(self, index: UseIndex, name: str, uses: Uses) -> None:
         """Add a use, and the precedence that follows from it."""
         self.changed.add(name)
-        self._order(index, name, index.add(name, uses), 1)
+        self._update_precedence(index, name, index.add(name, uses), 1)
 
-    def _remove(self, index: UseIndex, name: str, uses: Uses) -> None:
+    def _remove_use(self, index: UseIndex, name: str, uses: Uses) -> None:
         """Remove a use, and the precedence that followed from it."""
         self.changed.add(name)
-        self._order(index, name, index.remove(name, uses), -1)
+        self._update_precedence(index, name, index.remove(name, uses), -1)
 
-    def _order(self, index: UseIndex, name: str, uses: Uses, count: int) -> None:
+    def _update_precedence(self, index: UseIndex, name: str, uses: Uses, count: int) -> None:
+        # Others pass after the vehicle that holds a resource, and before one that will rest there.
         if index is self._claims:
-            for other, _ in self._holds.others(name, uses):
-                self._put_behind(other, name, count)
-            for other, _ in self._ends.others(name, uses):
-                self._put_behind(name, other, count)
+            for holder, _ in self._holds.others(name, uses):
+                self._put_behind(holder, name, count)
+            for rester, _ in self._ends.others(name, uses):
+                self._put_behind(name, rester, count)
         else:
-            for other, _ in self._claims.others(name, uses):
-                first, later = (name, other) if index is self._holds else (other, name)
+            for claimer, _ in self._claims.others(name, uses):
+                first, later = (name, claimer) if index is self._holds else (claimer, name)
                 self._put_behind(first, later, count)
 
     def _put_behind(self, first: str, later: str, count: int) -> None:
-        after = self._later[first]
-        after[later] += count
-        if not after[later]:
-            del after[later]
+        followers = self._later[first]
+        followers[later] += count
+        if not followers[later]:
+            del followers[later]
