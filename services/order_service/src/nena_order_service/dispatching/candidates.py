@@ -15,7 +15,7 @@ from nena_shared.fleet_api.transport_order import Destination, TransportOrderSta
 from nena_shared.fleet_api.vehicle import ANY_ORDER_TYPE, ANY_TYPE, AcceptableOrderType
 from nena_shared.plant.model import EnergyThresholds
 from nena_shared.vda5050.action import LOAD_HANDLING_DEVICE
-from nena_shared.vda5050.factsheet import Factsheet, LoadSpecification
+from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.state import State
 
 R = ReasonCode
@@ -148,7 +148,7 @@ def type_priority(accepted: Iterable[AcceptableOrderType], order_type: str) -> i
 
     The priority of the exact type overrides that of any type (``*``).
     """
-    priorities = {each.name: each.priority for each in accepted}
+    priorities = {accepted_type.name: accepted_type.priority for accepted_type in accepted}
     return priorities.get(order_type, priorities.get(ANY_TYPE))
 
 
@@ -158,7 +158,10 @@ def why_not_accepted(accepted: Sequence[AcceptableOrderType], order_type: str) -
         return None
     if not accepted:
         return Reason(R.ACCEPTS_NO_TYPE)
-    names = ", ".join(repr(each.name) for each in sorted(accepted, key=lambda each: each.priority))
+    names = ", ".join(
+        repr(accepted_type.name)
+        for accepted_type in sorted(accepted, key=lambda accepted_type: accepted_type.priority)
+    )
     return Reason(R.ACCEPTS_OTHER_TYPES, type=order_type, types=names)
 
 
@@ -195,20 +198,16 @@ def carried(state: State, factsheet: Factsheet | None) -> Carried | None:
     """Return the loads that a robot reports; None if it has none or cannot report them."""
     if not state.loads:
         return None
-    loads = tuple(each.load_position or "" for each in state.loads)
+    loads = tuple(load.load_position or "" for load in state.loads)
     loading = factsheet.load_specification if factsheet else None
     if loading is None or not loading.load_positions:
         return Carried(loads)
-    return Carried(loads, frozenset(loading.load_positions), _places_of(loading))
-
-
-def _places_of(loading: LoadSpecification) -> dict[str, frozenset[str]]:
-    """Return the load positions for each type; a load set that names none applies to all of them."""
-    all_places, found = frozenset(loading.load_positions or ()), dict[str, frozenset[str]]()
-    for each in loading.load_sets or ():
-        places = all_places.intersection(each.load_positions or all_places)
-        found[each.load_type] = found.get(each.load_type, frozenset()) | places
-    return found
+    all_places, places_of = frozenset(loading.load_positions), dict[str, frozenset[str]]()
+    for load_set in loading.load_sets or ():
+        # VDA 5050 2.1, loadSets.loadPositions: a set without positions is valid for all of them.
+        places = all_places.intersection(load_set.load_positions or all_places)
+        places_of[load_set.load_type] = places_of.get(load_set.load_type, frozenset()) | places
+    return Carried(loads, all_places, places_of)
 
 
 RESERVED = Reason(R.RESERVED)

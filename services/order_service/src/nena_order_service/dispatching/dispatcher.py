@@ -53,7 +53,7 @@ class Now:
         return deadline is not None and deadline <= self.time + self.at_risk
 
 
-def _deadline(order: TransportOrder) -> float:
+def _deadline_of(order: TransportOrder) -> float:
     deadline = order.status.deadline
     return deadline.timestamp() if deadline else inf
 
@@ -61,7 +61,7 @@ def _deadline(order: TransportOrder) -> float:
 ORDER_VALUES: Final[Mapping[OrderKey, Callable[[TransportOrder, Now], float | str]]] = MappingProxyType(
     {
         OrderKey.BY_PRIORITY: lambda order, _: -order.status.priority,
-        OrderKey.BY_DEADLINE: lambda order, _: _deadline(order),
+        OrderKey.BY_DEADLINE: lambda order, _: _deadline_of(order),
         OrderKey.DEADLINE_AT_RISK_FIRST: lambda order, now: not now.risks(order),
         OrderKey.BY_AGE: lambda order, _: order.number,
         OrderKey.BY_NAME: lambda order, _: order.name,
@@ -82,7 +82,7 @@ CANDIDATE_VALUES: Final[Mapping[CandidateKey, Callable[[Candidate, Now], float |
         CandidateKey.BY_INITIAL_ROUTING_COSTS: lambda pair, _: pair.cost.initial,
         CandidateKey.BY_ORDER_TYPE_PRIORITY: lambda pair, _: pair.vehicle.type_priority(pair.order),
         CandidateKey.BY_PRIORITY: lambda pair, _: -pair.order.status.priority,
-        CandidateKey.BY_DEADLINE: lambda pair, _: _deadline(pair.order),
+        CandidateKey.BY_DEADLINE: lambda pair, _: _deadline_of(pair.order),
         CandidateKey.DEADLINE_AT_RISK_FIRST: lambda pair, now: not now.risks(pair.order),
         CandidateKey.BY_AGE: lambda pair, _: pair.order.number,
         CandidateKey.BY_ORDER_NAME: lambda pair, _: pair.order.name,
@@ -128,18 +128,18 @@ def assign(levels: Sequence[Mapping[int, Costs]]) -> dict[int, str]:
     """
     vehicles = {name for level in levels for costs in level.values() for name in costs}
     if len(vehicles) == 1:
-        return _nearest(levels, vehicles.pop())
+        return _nearest_order(levels, vehicles.pop())
     search = _Search(levels)
     for level in levels:
-        search.add(level)
-    return search.found
+        search.add_level(level)
+    return search.vehicle_of_order
 
 
-def _nearest(levels: Sequence[Mapping[int, Costs]], vehicle: str) -> dict[int, str]:
+def _nearest_order(levels: Sequence[Mapping[int, Costs]], vehicle: str) -> dict[int, str]:
     """Return the order of the first level that the only vehicle can execute at the lowest cost."""
     for level in levels:
-        if costs := {order: each[vehicle] for order, each in level.items() if each}:
-            return {min(costs, key=costs.__getitem__): vehicle}
+        if offers := {order: costs[vehicle] for order, costs in level.items() if costs}:
+            return {min(offers, key=offers.__getitem__): vehicle}
     return {}
 
 
@@ -163,23 +163,24 @@ class _Search:
         self._of_places: dict[Place, int] = {}
 
     @property
-    def found(self) -> dict[int, str]:
+    def vehicle_of_order(self) -> dict[int, str]:
         """The vehicles by the orders assigned to them."""
         return {order: place for order, place in self._place_of.items() if isinstance(place, str)}
 
-    def add(self, level: Mapping[int, Costs]) -> None:
+    def add_level(self, level: Mapping[int, Costs]) -> None:
         """Add the orders of a level; orders left out stay left out, the others stay assigned."""
         for order, costs in level.items():
             self._costs[order] = dict[Place, int](costs.items()) | {order: self._left_out}
             self._of_orders[order] = 0
-            self._augment(order)
+            self._augment_matching(order)
+        # A later level must not overtake: whoever has a vehicle can no longer be left out for it.
         for order in level:
             if order in self._order_of:
                 del self._order_of[order], self._place_of[order], self._costs[order]
             else:
                 del self._costs[order][order]
 
-    def _augment(self, new: int) -> None:
+    def _augment_matching(self, new: int) -> None:
         """Assign the cheapest vehicle to an order; other orders change theirs if that costs less."""
         reached: dict[Place, int] = {}
         by: dict[Place, int] = {}
@@ -188,9 +189,9 @@ class _Search:
         order: int | None = new
         distance = pushed = 0
         while order is not None:
-            known = distance - self._of_orders[order]
+            base = distance - self._of_orders[order]
             for place, cost in self._costs[order].items():
-                length = known + cost - self._of_places.get(place, 0)
+                length = base + cost - self._of_places.get(place, 0)
                 if place not in settled and (place not in reached or length < reached[place]):
                     reached[place], by[place] = length, order
                     heappush(heap, (length, pushed, place))
@@ -200,19 +201,21 @@ class _Search:
                 distance, _, end = heappop(heap)
             settled[end] = None
             order = self._order_of.get(end)
+        # Raise the potentials of all that was reached on the way, so that no pair costs less than nothing.
         self._of_orders[new] += distance
         for place in settled:
             change = distance - reached[place]
             self._of_places[place] = self._of_places.get(place, 0) - change
             if (taken_by := self._order_of.get(place)) is not None:
                 self._of_orders[taken_by] += change
+        # Walk the path back: each order on it hands its vehicle to the one that reached it.
         while True:
             order = by[end]
-            before = self._place_of.get(order)
+            previous = self._place_of.get(order)
             self._order_of[end], self._place_of[order] = order, end
-            if before is None:
+            if previous is None:
                 return
-            end = before
+            end = previous
 
 
 BUSY: Final = Reason(R.BUSY)
@@ -331,6 +334,7 @@ class Dispatcher:
         settings = self.settings
         moment = Now(now, timedelta(seconds=settings.deadline_at_risk))
         waiting = [*orders]
+        # They come sorted by URGENCY, which is the default: sorting hundreds again in each decision costs.
         if tuple(settings.orders) != URGENCY:
             waiting.sort(key=rank_orders(settings.orders, moment))
         if kept:  # the vehicles are about to be free for these orders
@@ -367,33 +371,33 @@ class _Fleet:
         self._takers: dict[OrderKind, list[dict[str, DispatchedVehicle]]] = {}
         """The groups of vehicles that take the orders of a kind, apart from those that the order names."""
         for vehicle in vehicles:
-            self._add(vehicle)
+            self._add_vehicle(vehicle)
             if not vehicle.obstacle:
                 self.free[vehicle.name] = vehicle
             elif vehicle.soon:
                 self.soon[vehicle.name] = vehicle._replace(obstacle=None)
 
-    def _add(self, vehicle: DispatchedVehicle) -> None:
+    def _add_vehicle(self, vehicle: DispatchedVehicle) -> None:
         self._vehicles[vehicle.name] = vehicle
         self._groups.setdefault(vehicle.group, {})[vehicle.name] = vehicle
 
-    def take(self, vehicle: DispatchedVehicle) -> None:
+    def make_busy(self, vehicle: DispatchedVehicle) -> None:
         """Make a free vehicle busy."""
         del self.free[vehicle.name], self._groups[vehicle.group][vehicle.name]
-        self._add(vehicle._replace(obstacle=BUSY))
+        self._add_vehicle(vehicle._replace(obstacle=BUSY))
 
-    def intended(self, order: TransportOrder) -> str | None:
+    def intended_vehicle(self, order: TransportOrder) -> str | None:
         """Return the only vehicle that may get an order; None: any."""
         return self._kept.get(order.number, order.status.intended_vehicle)
 
     def has_busy_vehicle(self, order: TransportOrder) -> bool:
         """Return whether an order is for one vehicle, which is not free."""
-        intended = self.intended(order)
+        intended = self.intended_vehicle(order)
         return intended is not None and intended not in self.free
 
     def why_not(self, order: TransportOrder, vehicle: DispatchedVehicle) -> Reason | None:
         """Return why a vehicle does not take an order; None if it does."""
-        if self.intended(order) not in (None, vehicle.name):
+        if self.intended_vehicle(order) not in (None, vehicle.name):
             return NOT_INTENDED
         knowledge = self._knowledge
         # While most vehicles are busy, what an order recharges or picks up matters to none of them.
@@ -401,9 +405,9 @@ class _Fleet:
             return why
         return vehicle.why_not(order, recharges=knowledge.recharges(order), pick=knowledge.pick(order))
 
-    def takers(self, order: TransportOrder) -> list[DispatchedVehicle]:
+    def find_takers(self, order: TransportOrder) -> list[DispatchedVehicle]:
         """Return the free vehicles that take an order."""
-        intended = self.intended(order)
+        intended = self.intended_vehicle(order)
         if intended is not None:
             vehicle = self.free.get(intended)
             return [vehicle] if vehicle and not self.why_not(order, vehicle) else []
@@ -413,7 +417,7 @@ class _Fleet:
         if groups is None:
             groups = self._takers[kind] = [
                 group
-                for group, example in self._examples(named)
+                for group, example in self._group_examples(named)
                 if not example.obstacle and not self.why_not(order, example)
             ]
         vehicles = [vehicle for group in groups for vehicle in group.values()]
@@ -425,16 +429,16 @@ class _Fleet:
 
     def why_waiting(self, order: TransportOrder) -> Reason:
         """Return why no vehicle takes an order; call it only if none does."""
-        intended = self.intended(order)
+        intended = self.intended_vehicle(order)
         if intended is not None:
             vehicle = self._vehicles.get(intended)
             return why_no_vehicle(intended, [self.why_not(order, vehicle)] if vehicle else [])
         named = self._knowledge.named(order)
-        vehicles = [example for _, example in self._examples(named)]
+        vehicles = [example for _, example in self._group_examples(named)]
         vehicles += [self._vehicles[name] for name in named if name in self._vehicles]
         return why_no_vehicle(None, [self.why_not(order, vehicle) for vehicle in vehicles])
 
-    def _examples(
+    def _group_examples(
         self, named: Collection[str]
     ) -> Iterator[tuple[dict[str, DispatchedVehicle], DispatchedVehicle]]:
         """Yield each group with one of its vehicles that is not ``named``."""
@@ -511,18 +515,19 @@ class _Decision:
             pairs = [pair for order in suitable for pair in self._best_pairs(order, [vehicle], 1)]
             if pairs:
                 why = Reason(R.ASSIGNED_FIRST_ORDER, key=keys[0], count=len(pairs))
-                self._assign(min(pairs, key=rank), why)
+                self._assign_pair(min(pairs, key=rank), why)
 
     def let_orders_choose(self, orders: Iterable[TransportOrder]) -> None:
         """Assign to each order in turn the vehicle that suits it best."""
         for order in orders:
             if not self.fleet.free:
                 return
+            # `explain_waiting` says once, at the end, what an order for a busy vehicle waits for.
             if order.number in self._assigned or self.fleet.has_busy_vehicle(order):
                 continue
-            if offer := self._offer(order, 1):
+            if offer := self._find_offer(order, 1):
                 best = offer.pairs[0]
-                self._assign(best, self._why_best(best, offer.takers))
+                self._assign_pair(best, self._why_best(best, offer.takers))
 
     def assign_together(self, orders: Iterable[TransportOrder]) -> None:
         """Assign orders of the same rank so that they cost least together, those of the first rank first.
@@ -537,17 +542,18 @@ class _Decision:
 
         for _, group in groupby(orders, rank):
             batch: list[list[_Offer]] = []
-            for level in self._levels(group):
+            for level in self._split_into_levels(group):
                 batch.append([])
                 for order in level:
                     if self.fleet.has_busy_vehicle(order):
                         continue
+                    # The work of an assignment grows faster than its orders; see PAIRS_AT_ONCE.
                     if sum(map(len, batch)) == self._batch_limit():
                         self._assign_batch(batch)
                         batch = [[]]
                     if not self.fleet.free:
                         return
-                    if offer := self._offer(order, self._batch_limit()):
+                    if offer := self._find_offer(order, self._batch_limit()):
                         batch[-1].append(offer)
                 if sum(map(len, batch)) >= len(self.fleet.free):
                     self._assign_batch(batch)
@@ -558,7 +564,7 @@ class _Decision:
         free = max(1, len(self.fleet.free))
         return max(FEWEST_AT_ONCE, min(MOST_AT_ONCE, PAIRS_AT_ONCE // free))
 
-    def _levels(self, orders: Iterable[TransportOrder]) -> Iterator[Iterable[TransportOrder]]:
+    def _split_into_levels(self, orders: Iterable[TransportOrder]) -> Iterator[Iterable[TransportOrder]]:
         """Split orders of one rank into levels, none of which overtakes an earlier one.
 
         The orders of a level have the same deadline and were created within the age window. Strictly by age,
@@ -579,9 +585,9 @@ class _Decision:
 
         return (members for _, members in groupby(orders, level))
 
-    def _offer(self, order: TransportOrder, at_most: int) -> _Offer | None:
+    def _find_offer(self, order: TransportOrder, at_most: int) -> _Offer | None:
         """Return what the free vehicles offer an order; without an offer, note why it waits."""
-        takers = self.fleet.takers(order)
+        takers = self.fleet.find_takers(order)
         if takers and (pairs := self._best_pairs(order, takers, at_most)):
             return _Offer(order, pairs, len(takers))
         self._note_reason(order)
@@ -613,7 +619,7 @@ class _Decision:
         size = sum(map(len, levels))
         soon = self.fleet.soon if len(levels) == 1 else {}
         choices = {
-            offer.order.number: self._choices(offer, soon.values(), size)
+            offer.order.number: self._combine_choices(offer, soon.values(), size)
             for level in levels
             for offer in level
         }
@@ -628,10 +634,10 @@ class _Decision:
             else:
                 least = Reason(R.ASSIGNED_LEAST_DRIVING, cost=best.cost.complete, count=free)
                 nearest = best is choices[number].nearest
-                self._assign(best, self._why_best(best, free) if nearest else least)
+                self._assign_pair(best, self._why_best(best, free) if nearest else least)
         self.let_orders_choose(left_to_soon)
 
-    def _choices(self, offer: _Offer, soon: Collection[DispatchedVehicle], size: int) -> _Choices:
+    def _combine_choices(self, offer: _Offer, soon: Collection[DispatchedVehicle], size: int) -> _Choices:
         """Return the best vehicles for an order, as many as the batch has orders: enough."""
         order, pairs = offer.order, offer.pairs
         if soon and order.number not in self._kept:
@@ -641,15 +647,15 @@ class _Decision:
         visits = sum(self._visits.get(stop.location_name, 0) for stop in stops_of(order)) if crowding else 0
         return _Choices(pairs[:size], offer.takers, self._key, crowding * visits)
 
-    def _assign(self, pair: Candidate, why: Reason) -> None:
+    def _assign_pair(self, pair: Candidate, why: Reason) -> None:
         order, vehicle = pair.order, pair.vehicle
         self._assigned.add(order.number)
-        self.fleet.take(vehicle)
+        self.fleet.make_busy(vehicle)
         self.decisions.assignments.append(Assignment(order, vehicle.name, why, vehicle.gives_up))
 
     def _why_best(self, best: Candidate, choices: int) -> Reason:
         """Return why an order gets the vehicle that suits it best of several choices."""
-        if self.fleet.intended(best.order) is not None:
+        if self.fleet.intended_vehicle(best.order) is not None:
             return Reason(R.ASSIGNED_INTENDED)
         if choices == 1:
             return Reason(R.ASSIGNED_ONLY_FREE)
@@ -670,7 +676,7 @@ class _Decision:
         if order.number not in self._kept:
             key = self._knowledge.kind(order)
         why = self._reasons.get(key)
-        if why is None and self.fleet.free and (takers := self.fleet.takers(order)):
+        if why is None and self.fleet.free and (takers := self.fleet.find_takers(order)):
             vehicle = max(takers, key=lambda taker: taker.name)
             no_route = self._knowledge.why_no_route(order, vehicle)
             why = Reason(R.VEHICLE_HAS_NO_ROUTE, no_route, vehicle=vehicle.name)
@@ -715,11 +721,11 @@ def explain(
     kept: Mapping[int, str] = NOTHING_KEPT,
 ) -> list[VehicleFit]:
     """Return for each vehicle why it does not get this order, or that it could; cheapest vehicles first."""
-    fits = (_fit(order, vehicle, knowledge, kept.get(order.number)) for vehicle in vehicles)
+    fits = (_explain_fit(order, vehicle, knowledge, kept.get(order.number)) for vehicle in vehicles)
     return sorted(fits, key=lambda fit: (not fit.fits, fit.cost or 0.0, fit.vehicle))
 
 
-def _fit(
+def _explain_fit(
     order: TransportOrder, vehicle: DispatchedVehicle, knowledge: Knowledge, kept: str | None
 ) -> VehicleFit:
     if order.vehicle == vehicle.name and not order.state.final:
