@@ -234,12 +234,12 @@ class VehicleKinds:
         """Return the kind of a vehicle; None: any vehicle."""
         if vehicle is None:
             return self._any_vehicle
-        known = self._of.get(vehicle.name)
-        if known is None or known[0] is not vehicle:
+        cached = self._of.get(vehicle.name)
+        if cached is None or cached[0] is not vehicle:
             profile = RoutingProfile.of(vehicle, self._known_types)
-            known = vehicle, self._kinds.setdefault(profile, VehicleKind(len(self._kinds), profile))
-            self._of[vehicle.name] = known
-        return known[1]
+            cached = vehicle, self._kinds.setdefault(profile, VehicleKind(len(self._kinds), profile))
+            self._of[vehicle.name] = cached
+        return cached[1]
 
 
 _COST: Final[Callable[[Step], float]] = attrgetter("cost")
@@ -365,10 +365,10 @@ class RoutingGraph:
             a, b = self._indices.get(start), self._indices.get(point)
             if a is None or b is None or not self._graph.has_edge(a, b):
                 return None
-            found = [step for step in self._graph.get_all_edge_data(a, b) if step.path.name in paths]
-            if not found:
+            open_steps = [step for step in self._graph.get_all_edge_data(a, b) if step.path.name in paths]
+            if not open_steps:
                 return None
-            steps.append(min(found, key=_COST))
+            steps.append(min(open_steps, key=_COST))
             start = point
         return tuple(steps)
 
@@ -401,13 +401,13 @@ class RoutingGraph:
         They are if each point at which such a path starts has the same cost over one of its edges as before.
         An edge with cost 0 proves nothing, because it may be part of a cycle.
         """
-        for source in {each.source for path in changed for each in path.edges()} - {goal}:
-            before = costs.source(source)
+        for source in {edge.source for path in changed for edge in path.edges()} - {goal}:
+            cost = costs.source(source)
             ways = [
                 (step.cost + costs.source(step.destination), step.cost) for step in self._steps_from(source)
             ]
-            now, last = min(ways, default=(inf, inf))
-            if now != before or not last:
+            cheapest, last = min(ways, default=(inf, inf))
+            if cheapest != cost or not last:
                 return False
         return True
 

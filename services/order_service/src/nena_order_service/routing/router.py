@@ -59,8 +59,8 @@ class Router:
         """Lock or unlock paths by name, overriding the plant model; replaces earlier locks."""
         if self._locks == locks:
             return
-        before, self._locks = self._locks, dict(locks)
-        names = {name for name in {*before, *locks} if before.get(name) is not locks.get(name)}
+        previous, self._locks = self._locks, dict(locks)
+        names = {name for name in {*previous, *locks} if previous.get(name) is not locks.get(name)}
         changed = [path for path in self._plant.paths if path.name in names]
         for graph in self._graphs.values():
             graph.lock(changed, self._locks)
@@ -145,15 +145,15 @@ class Router:
         This compares many starts and few goals without a search for each. Raises UnknownObjectError.
         """
         key = (self.kind(vehicle), frozenset(avoid), destination)
-        known = self._maps.get(key)
-        if known is None:
+        costs = self._maps.get(key)
+        if costs is None:
             self._check_points((destination,))
-            known = self._maps[key] = self._graph_for(vehicle, avoid).costs_to(destination)
+            costs = self._maps[key] = self._graph_for(vehicle, avoid).costs_to(destination)
             while len(self._maps) * len(self._plant.points) > COSTS_KEPT and len(self._maps) > 1:
                 self._maps.popitem(last=False)
         else:
             self._maps.move_to_end(key)
-        return known
+        return costs
 
     def prepare(self, vehicles: Iterable[Vehicle | None]) -> None:
         """Build the routing graphs for these vehicles in advance, which takes long in large plants."""
@@ -188,8 +188,8 @@ class Router:
         paths = [plant.paths_by_name[name] for name in names if name in plant.paths_by_name]
         locations = [plant.locations_by_name[name] for name in names if name in plant.locations_by_name]
         if len(points) + len(paths) + len(locations) < len(names):
-            known = {**plant.points_by_name, **plant.paths_by_name, **plant.locations_by_name}
-            raise UnknownObjectError(ObjectKind.RESOURCE, min(set(names) - set(known)), known)
+            objects = {**plant.points_by_name, **plant.paths_by_name, **plant.locations_by_name}
+            raise UnknownObjectError(ObjectKind.RESOURCE, min(set(names) - set(objects)), objects)
         return [*points, *(link.point for location in locations for link in location.links)], paths
 
 
@@ -304,8 +304,8 @@ class RouteFinder:
 
     def is_locked(self, path: str) -> bool:
         """Return whether new routes avoid a path; unknown paths are not locked."""
-        known = self._plant.paths_by_name.get(path)
-        return known is not None and self._locks.get(path, known.locked)
+        in_plant = self._plant.paths_by_name.get(path)
+        return in_plant is not None and self._locks.get(path, in_plant.locked)
 
     def only_locks_close(
         self, start: str, destinations: Sequence[Destination], vehicle: Vehicle | None, avoid: Collection[str]
@@ -343,13 +343,14 @@ class RouteFinder:
         avoid: Collection[str],
     ) -> RoutePlan:
         legs: list[Leg] = []
-        for free, group in groupby(destinations, lambda each: each.coordinate is not None):
-            if free:
-                for coordinate in (each.coordinate for each in group if each.coordinate):
+        for is_coordinate, group in groupby(destinations, lambda stop: stop.coordinate is not None):
+            if is_coordinate:
+                # No path leads to a coordinate: the robot drives there and on from it straight.
+                for coordinate in (stop.coordinate for stop in group if stop.coordinate):
                     legs.append(Leg(_distance_mm(self._plant.point(start), coordinate)))
                     start = self.nearest(coordinate)
             else:
-                choices = [self.access_points(each, vehicle) for each in group]
+                choices = [self.access_points(stop, vehicle) for stop in group]
                 routes = router.route_through(start, choices, vehicle=vehicle, avoid=avoid)
                 legs.extend(Leg(route.cost, route) for route in routes)
                 start = routes[-1].destination
@@ -365,9 +366,11 @@ class RouteFinder:
         if not types:
             return points
         action_type = self._action_type(destination.operation)
-        known = self._plant.points_by_name
+        points_by_name = self._plant.points_by_name
         return tuple(
-            each for each in points if each not in known or not known[each].forbids(action_type, types)
+            name
+            for name in points
+            if name not in points_by_name or not points_by_name[name].forbids(action_type, types)
         )
 
     def nearest(self, coordinate: Coordinate) -> str:
@@ -379,9 +382,12 @@ class RouteFinder:
 
         As in openTCS, each access point of the first destination is tried as a start.
         """
-        if any(each.coordinate for each in destinations):  # hosts seldom repeat one
+        if any(destination.coordinate for destination in destinations):  # hosts seldom repeat one
             return self._why_unroutable(destinations, avoid)
-        key = tuple([(each.location_name, each.operation) for each in destinations]), frozenset(avoid)
+        key = (
+            tuple([(destination.location_name, destination.operation) for destination in destinations]),
+            frozenset(avoid),
+        )
         if key not in self._unroutable:
             if len(self._unroutable) >= UNROUTABLE_KEPT:
                 self._unroutable.clear()
@@ -467,7 +473,7 @@ class RouteCosts:
         avoid: Collection[str] = frozenset(),
     ) -> RouteCost:
         """Return the cost of the route that :meth:`RouteFinder.find` would find."""
-        if any(each.coordinate for each in destinations):
+        if any(destination.coordinate for destination in destinations):
             return self._search_cost(start, destinations, vehicle, avoid)
         return self.of(destinations, vehicle=vehicle, avoid=avoid).source(start)
 
@@ -537,10 +543,11 @@ class VehicleRoutes:
         if burden:
             model = self._model_of(vehicle)
             return self._router.route(start, goal, vehicle=model, avoid=avoid, burden=burden)
-        found = self._route(self._model_name(vehicle), start, goal, frozenset(avoid))
-        if isinstance(found, NoRouteError):
-            raise found.with_traceback(None)
-        return found
+        route = self._route(self._model_name(vehicle), start, goal, frozenset(avoid))
+        if isinstance(route, NoRouteError):
+            # It is cached: without this, its traceback would grow with each raise and keep the frames alive.
+            raise route.with_traceback(None)
+        return route
 
     def along(
         self, vehicle: str, start: str, way: Iterable[tuple[str, Collection[str]]]

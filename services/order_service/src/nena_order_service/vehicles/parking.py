@@ -89,7 +89,9 @@ class ParkingPositions:
             return Parking(preferred)
         free = sorted(self._free_positions(prospect))
         if parked:
-            better = _best_position([each for each in free if each[0] < self._rank_of(here or "")], prospect)
+            better = _best_position(
+                [position for position in free if position[0] < self._rank_of(here or "")], prospect
+            )
             return Parking(better[-1]) if better else PARKED
         best = _best_position(free, prospect)
         return Parking(best[-1]) if best else Parking(reason=self._why_none(free))
@@ -123,7 +125,8 @@ _Ranked = tuple[float, float, str]
 
 def _best_position(free: Sequence[_Ranked], prospect: Prospect) -> _Ranked | None:
     """Return the first position for which no vehicle has to make room, otherwise the first if allowed."""
-    quiet = (each for each in islice(free, WAYS_TRIED) if not prospect.displaces(each[-1]))
+    # Whether a vehicle has to make room needs a route search, so only the nearest positions are asked.
+    quiet = (position for position in islice(free, WAYS_TRIED) if not prospect.displaces(position[-1]))
     return next(quiet, free[0] if free and prospect.may_displace else None)
 
 
@@ -179,15 +182,16 @@ class RechargeLocations:
         properties = model.properties if model else {}
         assigned = properties.get(ASSIGNED_RECHARGE_LOCATION)
         places = sorted(
-            self._recharge_places(model, assigned, cost), key=lambda each: (each.cost, each.point)
+            self._recharge_places(model, assigned, cost), key=lambda place: (place.cost, place.point)
         )
         if not places:
             return Recharging(reason=_why_none(assigned))
         free = [place for place in places if not taken(place.point)]
-        preferred = [each for each in free if each.location == properties.get(PREFERRED_RECHARGE_LOCATION)]
+        preferred_location = properties.get(PREFERRED_RECHARGE_LOCATION)
+        preferred = [place for place in free if place.location == preferred_location]
         cleared = [place for place in places if idly_occupied(place.point)]
-        if found := (preferred or free or cleared):
-            return Recharging(found[0].location, found[0].operation)
+        if best := (preferred or free or cleared):
+            return Recharging(best[0].location, best[0].operation)
         if assigned:
             return Recharging(reason=Reason(R.ASSIGNED_RECHARGE_TAKEN, location=assigned))
         return Recharging(reason=Reason(R.RECHARGE_TAKEN))
@@ -209,7 +213,9 @@ class RechargeLocations:
         possible = dict.fromkeys(
             operation for link in location.links for operation in self._plant.link_operations(location, link)
         )
-        return [each for each in possible if (each == own if own else self._recharges(each))]
+        return [
+            operation for operation in possible if (operation == own if own else self._recharges(operation))
+        ]
 
 
 def _why_none(assigned: str | None) -> Reason:

@@ -68,8 +68,8 @@ class VehicleRegistry:
 
     def model(self, name: str) -> Vehicle | None:
         """Return the plant model's data of a vehicle; None if it has none."""
-        known = self._by_name.get(name)
-        return known.model if known else None
+        vehicle = self._by_name.get(name)
+        return vehicle.model if vehicle else None
 
     def named(self, name: str | None) -> FleetVehicle | None:
         """Return the vehicle of this name; None if there is none."""
@@ -86,9 +86,9 @@ class VehicleRegistry:
 
     def discover(self, key: RobotKey) -> FleetVehicle:
         """Return the vehicle that is this robot; add it if it is new."""
-        known = self._by_key.get(key)
-        if known:
-            return known
+        vehicle = self._by_key.get(key)
+        if vehicle:
+            return vehicle
         obstacle = None if self._adopt_unknown else Reason(R.NOT_IN_PLANT)
         profile = RobotProfile(
             map_id=self._default_map_id, transforms=self._transforms, max_distance_m=self._max_distance_m
@@ -140,9 +140,11 @@ def robot_maps(state: State) -> tuple[RobotMap, ...] | None:
         return None
     return tuple(
         RobotMap(
-            map_id=each.map_id, map_version=each.map_version, enabled=each.map_status is MapStatus.ENABLED
+            map_id=robot_map.map_id,
+            map_version=robot_map.map_version,
+            enabled=robot_map.map_status is MapStatus.ENABLED,
         )
-        for each in state.maps
+        for robot_map in state.maps
     )
 
 
@@ -150,7 +152,7 @@ def why_not_on(map_id: str, state: State) -> Reason | None:
     """Return, as a predicate, why a robot cannot drive on a map; None if it can, or reports no maps."""
     if not state.maps or not map_id:
         return None
-    versions = [each for each in state.maps if each.map_id == map_id]
+    versions = [robot_map for robot_map in state.maps if robot_map.map_id == map_id]
     if any(version.map_status is MapStatus.ENABLED for version in versions):
         return None
     return Reason(R.NO_MAP_ENABLED if versions else R.NO_MAP, map=map_id)
