@@ -108,7 +108,14 @@ class ActionStates:
             # Only changed states are made anew: an order may have a thousand actions.
             for action_id, record in self._records.items():
                 if action_id not in self._shown:
-                    self._shown[action_id] = _state_of(record)
+                    descriptor = record.action.action_descriptor
+                    self._shown[action_id] = ActionState(
+                        action_id=action_id,
+                        action_type=record.action.action_type,
+                        action_descriptor=descriptor and descriptor[:DESCRIPTOR_LIMIT],
+                        action_status=record.status,
+                        action_result=record.result,
+                    )
             self._states = tuple(self._shown[action_id] for action_id in self._records)
         return self._states
 
@@ -119,17 +126,6 @@ class ActionStates:
     def _note_change(self) -> None:
         self.revision += 1
         self._states = None
-
-
-def _state_of(record: ActionRecord) -> ActionState:
-    descriptor = record.action.action_descriptor
-    return ActionState(
-        action_id=record.action.action_id,
-        action_type=record.action.action_type,
-        action_descriptor=descriptor if descriptor is None else descriptor[:DESCRIPTOR_LIMIT],
-        action_status=record.status,
-        action_result=record.result,
-    )
 
 
 RUNS_ALONE = (BlockingType.SINGLE, BlockingType.HARD)

@@ -147,8 +147,21 @@ def end_with_edge(robot: RobotState, edge: Edge) -> None:
     """
     for action in edge.actions:
         record = robot.actions.get(action.action_id)
-        if record and not record.status.ended:
-            _end_edge_action(robot, record)
+        if not record or record.status.ended:
+            continue
+        if record.status is ActionStatus.RETRIABLE:
+            _end_action(robot, record, ActionStatus.FAILED, record.result)
+            robot.errors.report(_failure_entry(robot, record), Until.ORDER_OVER)  # no retry is possible now
+            continue
+        if record.active and not _declares_trait(robot, record, "cancel_allowed"):
+            continue
+        if record.active:
+            robot.effects.append(CancelAction(action.action_id))
+        # One without a goal of its own, such as a signal light, has done its work.
+        succeeds = record.active and _declares_trait(robot, record, "open_ended")
+        status = ActionStatus.FINISHED if succeeds else ActionStatus.FAILED
+        result = None if succeeds else "the edge ended before the action"
+        apply_report(robot, ActionReport(action.action_id, status, result))
 
 
 def continue_after_restart(robot: RobotState) -> None:
@@ -210,7 +223,13 @@ def _find_retriable(robot: RobotState, action: Action) -> tuple[ActionRecord | N
 
 def release(robot: RobotState, trigger_type: str) -> bool:
     """Finish all actions that wait for ``trigger_type`` (section 6.2.3); return whether there were any."""
-    waiting = [record for record in robot.actions if _waits_for(record, trigger_type)]
+    waiting: list[ActionRecord] = []
+    for record in robot.actions:
+        types = record.action.parameter(TRIGGER_TYPE)
+        waits = record.action.action_type == WAIT_FOR_TRIGGER and record.status is ActionStatus.RUNNING
+        # 2.x has one type as a string, which is read as a list of one.
+        if waits and isinstance(types, list) and trigger_type in types:
+            waiting.append(record)
     for record in waiting:
         _end_action(robot, record, ActionStatus.FINISHED, f"released by {trigger_type}")
     schedule(robot)
@@ -232,13 +251,6 @@ CORE_ACTIONS: dict[str, CoreAction] = {
     WAIT_FOR_TRIGGER: lambda *_: (ActionStatus.RUNNING, None),
 }
 """Node actions that the core executes, by action type."""
-
-
-def _waits_for(record: ActionRecord, trigger_type: str) -> bool:
-    if record.action.action_type != WAIT_FOR_TRIGGER or record.status is not ActionStatus.RUNNING:
-        return False
-    types = record.action.parameter(TRIGGER_TYPE)
-    return isinstance(types, list) and trigger_type in types
 
 
 # Helpers
@@ -326,23 +338,6 @@ def _continue_action(robot: RobotState, states: ActionStates, record: ActionReco
     else:
         result = "the agent was interrupted while the action was running"
         apply_report(robot, ActionReport(action_id, ActionStatus.FAILED, result))
-
-
-def _end_edge_action(robot: RobotState, record: ActionRecord) -> None:
-    action_id = record.action.action_id
-    if record.status is ActionStatus.RETRIABLE:
-        _end_action(robot, record, ActionStatus.FAILED, record.result)
-        robot.errors.report(_failure_entry(robot, record), Until.ORDER_OVER)  # a retry is no longer possible
-        return
-    # It runs to its end, although its edge is behind the robot.
-    if record.active and not _declares_trait(robot, record, "cancel_allowed"):
-        return
-    if record.active:
-        robot.effects.append(CancelAction(action_id))
-    succeeds = record.active and _declares_trait(robot, record, "open_ended")
-    status = ActionStatus.FINISHED if succeeds else ActionStatus.FAILED
-    result = None if succeeds else "the edge ended before the action"
-    apply_report(robot, ActionReport(action_id, status, result))
 
 
 def _declares_trait(robot: RobotState, record: ActionRecord, trait: str) -> bool:

@@ -311,43 +311,41 @@ def _is_already_at(robot: RobotState, position: NodePosition, pose: port.Pose) -
 
 
 def _send_goal(robot: RobotState, node: Node, position: NodePosition, pose: port.Pose) -> None:
-    goal = robot.goal
+    goal, capabilities = robot.goal, robot.capabilities
     goal.generation += 1
     goal.ahead = _poses_ahead(robot)
     goal.target, goal.retry_at, goal.stood = node.sequence_id, None, False
     # The robot may be moved from now on, whether or not navigation accepts the goal.
     robot.progress.leave_node()
     robot.charging = False
-    drive = _make_goal(robot, position, pose)
+    edge = robot.progress.edges[0]
+    path = edge_paths.path_poses(robot, pose, position)
+    # Without theta the standard leaves the heading to the robot (7.3, nodePosition): that of travel.
+    theta = position.theta
+    deviation_theta: float | None = None
+    if theta is not None:
+        deviation_theta = position.allowed_deviation_theta or capabilities.default_deviation_theta
+    elif path:
+        theta = path[-1].theta
+    elif distance(pose, position):
+        theta = atan2(position.y - pose.y, position.x - pose.x)
+    else:
+        theta = pose.theta
+    drive = port.DriveGoal(
+        generation=goal.generation,
+        pose=port.Pose(position.x, position.y, theta, position.map_id),
+        deviation_xy=radius(position, capabilities.default_deviation_xy),
+        deviation_theta=deviation_theta,
+        maximum_speed=edge.maximum_speed,
+        ahead=goal.ahead,
+        # A path goes to the controller, which runs no behaviour tree.
+        behavior_tree="" if path else _behavior_tree(edge),
+        path=path,
+    )
     robot.reports.progress = None  # belongs to the goal before
     listed = robot.reports.goals.goals
     goal.record_sent(drive.pose, listed[-1].goal_id if listed else "")
     robot.effects.append(Drive(drive))
-
-
-def _make_goal(robot: RobotState, position: NodePosition, pose: port.Pose) -> port.DriveGoal:
-    """Return the goal for ``position``; if it has no theta, the heading is the direction of travel."""
-    capabilities = robot.capabilities
-    allowed = position.allowed_deviation_theta or capabilities.default_deviation_theta
-    path = edge_paths.path_poses(robot, pose, position)
-    along = pose.theta
-    if path:
-        along = path[-1].theta
-    elif distance(pose, position):
-        along = atan2(position.y - pose.y, position.x - pose.x)
-    theta = position.theta if position.theta is not None else along
-    return port.DriveGoal(
-        generation=robot.goal.generation,
-        pose=port.Pose(position.x, position.y, theta, position.map_id),
-        deviation_xy=radius(position, capabilities.default_deviation_xy),
-        # Without theta the standard leaves the heading to the robot (7.3, nodePosition).
-        deviation_theta=allowed if position.theta is not None else None,
-        maximum_speed=robot.progress.edges[0].maximum_speed,
-        ahead=robot.goal.ahead,
-        # A path goes to the controller, which runs no behaviour tree.
-        behavior_tree="" if path else _behavior_tree(robot.progress.edges[0]),
-        path=path,
-    )
 
 
 def _behavior_tree(edge: Edge) -> str:

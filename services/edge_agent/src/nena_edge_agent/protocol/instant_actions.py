@@ -143,8 +143,12 @@ def _do_core_action(robot: RobotState, action: Action) -> None:  # noqa: C901, P
             robot.paused = True
             if robot.goal.halt_problem:
                 robot.request_halt()  # the driver answers again
-        case declaration.STOP_PAUSE:
-            _stop_pause(robot, action)
+        case declaration.STOP_PAUSE:  # a startPause that is still running fails
+            robot.end_instant_actions(START_PAUSE, ActionStatus.FAILED, "revoked by stopPause")
+            robot.paused = False
+            pressed = robot.reports.pause_button  # which cannot be released remotely (6.2.3)
+            status = ActionStatus.FAILED if pressed else ActionStatus.FINISHED
+            change(action_id, status, "the pause button is pressed" if pressed else None)
         case declaration.INITIALIZE_POSITION:
             _initialize_position(robot, action)
         case declaration.STATE_REQUEST:
@@ -234,20 +238,6 @@ def advance_pause(robot: RobotState) -> None:
     """Finish startPause when the robot has stopped (section 6.2.3)."""
     if robot.paused and robot.running_instant_actions(START_PAUSE) and driving.confirm_standstill(robot):
         robot.end_instant_actions(START_PAUSE, ActionStatus.FINISHED)
-
-
-def _stop_pause(robot: RobotState, action: Action) -> None:
-    """End fleet control's pause; a startPause that is still running fails.
-
-    The pause button cannot be released remotely.
-    """
-    robot.end_instant_actions(START_PAUSE, ActionStatus.FAILED, "revoked by stopPause")
-    robot.paused = False
-    if robot.reports.pause_button:
-        text = "the pause button is pressed"
-        robot.instant_actions.change(action.action_id, ActionStatus.FAILED, text)
-    else:
-        robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
 
 
 # initializePosition, initPosition in 2.x (section 6.2.3)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import lru_cache
 from hashlib import sha256
 from itertools import accumulate, pairwise, starmap
 from math import dist
-from typing import Final, Self
+from typing import Final
 
 from nena_shared.vda5050.base import CommandHeader, WireObject
 from nena_shared.vda5050.order import ControlPoint, Edge, Node, Order, Trajectory
@@ -103,11 +103,6 @@ class OrderFingerprints:
 
     whole: str
     decision_node: str
-
-    @classmethod
-    def of_order(cls, order: Order) -> Self:
-        """Return the fingerprints of an order message."""
-        return cls(fingerprint(order), fingerprint(last_released(order.nodes)))
 
 
 def fingerprint(message: WireObject) -> str:
@@ -377,17 +372,13 @@ class OrderProgress:
     def _append_order(self, order: Order) -> None:
         self.nodes.extend(order.nodes[1:])
         self.edges.extend(order.edges)
-        decision_node = last_released(order.nodes)
+        # The decision point is the last node of the base, where an update begins (6.1.2).
+        decision_node = next(node for node in reversed(order.nodes) if node.released)
         self.decision_point = decision_node.node_id, decision_node.sequence_id
-        self.content = OrderFingerprints.of_order(order)
+        self.content = OrderFingerprints(fingerprint(order), fingerprint(decision_node))
 
     def _reach_node(self, node: Node) -> None:
         self.last_node, self.last_node_id = node, node.node_id
         self.last_node_sequence_id = node.sequence_id
         self.on_last_node, self.edge_entered = True, False
         self.revision += 1
-
-
-def last_released(nodes: Sequence[Node]) -> Node:
-    """Return the last node of the base: the decision point, where an update begins (section 6.1.2)."""
-    return next(node for node in reversed(nodes) if node.released)
