@@ -787,6 +787,7 @@ def test_an_order_that_waits_can_be_cancelled() -> None:
     assert (bench.nodes, bench.errors) == ([], [])
 
 
+@pytest.mark.clause("6.6.4")
 def test_the_state_shows_each_goal_and_its_sender() -> None:
     bench = Bench()
     bench.do(GoalTable((*OURS.goals, *THEIRS.goals)))

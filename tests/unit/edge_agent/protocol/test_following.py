@@ -56,12 +56,6 @@ def test_navigation_plans_edges_without_a_trajectory() -> None:
     assert bench.goal.path == ()
 
 
-def test_a_robot_that_cannot_follow_paths_refuses_the_order() -> None:
-    bench = Bench()
-    bench.send(edges({"trajectory": TURN}))
-    assert (bench.errors, bench.goals) == (["UNSUPPORTED_PARAMETER"], [])
-
-
 @pytest.mark.parametrize("version", ["2.1.0", "3.0.0"])
 def test_invalid_knots_are_refused_and_the_edge_is_named(version: str) -> None:
     bench = robot(rules=RULES[version])

@@ -8,6 +8,7 @@ from nena_edge_agent.driver.port import NavigationReport, Pose, PositionInitiali
 from nena_edge_agent.protocol.action_states import DESCRIPTOR_LIMIT
 from nena_edge_agent.protocol.events import (
     ActionReport,
+    Effect,
     Halt,
     PauseAction,
     ReportState,
@@ -25,23 +26,15 @@ from nena_shared.vda5050.versions import RULES
 from support.robot_core import MAP, Bench, action, at, order
 
 
-@pytest.mark.clause("6.2.3/stateRequest")
-def test_a_state_request_is_finished_in_the_requested_state() -> None:
+@pytest.mark.clause("6.2.3/stateRequest", "6.2.3/factsheetRequest")
+@pytest.mark.parametrize(
+    ("kind", "effects"),
+    [("stateRequest", [ReportState()]), ("factsheetRequest", [SendFactsheet(), ReportState()])],
+)
+def test_a_request_is_answered_and_finished_in_the_next_state(kind: str, effects: list[Effect]) -> None:
     bench = Bench()
 
-    effects = bench.instant(action("i", "NONE", "stateRequest"))
-
-    assert effects == [ReportState()]
-    assert bench.status("i") == "FINISHED"
-
-
-@pytest.mark.clause("6.2.3/factsheetRequest")
-def test_a_factsheet_request_sends_the_factsheet() -> None:
-    bench = Bench()
-
-    effects = bench.instant(action("i", "NONE", "factsheetRequest"))
-
-    assert effects == [SendFactsheet(), ReportState()]
+    assert bench.instant(action("i", "NONE", kind)) == effects
     assert bench.status("i") == "FINISHED"
 
 

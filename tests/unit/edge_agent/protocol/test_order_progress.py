@@ -316,10 +316,3 @@ def test_the_planned_path_becomes_shorter_as_the_robot_drives() -> None:
     assert path.traversed_nodes == ("n2",)
     bench.arrive()
     assert bench.state.planned_path is None
-
-
-@pytest.mark.clause("6.6.2/path")
-def test_the_remaining_distance_is_measured_from_each_node() -> None:
-    way = BasePath(order("n0", "n1", "n2", "n3", released=3).nodes[1:])
-
-    assert [way.length_from(number) for number in (2, 4, 6, 99)] == [10.0, 0.0, 0.0, 0.0]

@@ -410,14 +410,6 @@ def test_a_robot_that_moves_without_an_order_does_not_shut_down(motion: Event) -
 
 
 @pytest.mark.clause("6.2.3/startHibernation")
-def test_a_robot_whose_journal_fails_does_not_hibernate() -> None:
-    bench = robot()
-    bench.do(JournalReport("no space left"), sleep())
-
-    assert (bench.status("s"), bench.core.power) == ("FAILED", PowerPhase.AWAKE)
-
-
-@pytest.mark.clause("6.2.3/startHibernation")
 @pytest.mark.parametrize("stands", [True, False])
 def test_a_journal_failure_before_hibernation_keeps_the_robot_awake(*, stands: bool) -> None:
     bench = robot()
@@ -430,16 +422,6 @@ def test_a_journal_failure_before_hibernation_keeps_the_robot_awake(*, stands: b
 
     assert bench.status("s") == ("FINISHED" if stands else "FAILED")
     assert bench.core.power is PowerPhase.AWAKE
-
-
-@pytest.mark.clause("6.2.3/shutdown")
-def test_a_robot_whose_journal_fails_shuts_down() -> None:
-    bench = robot()
-
-    bench.do(JournalReport("no space left"), shutdown())
-
-    assert bench.status("d") == "FINISHED"
-    assert bench.do(SignedOff()) == [ShutDown()]
 
 
 @pytest.mark.clause("6.2.3/startHibernation")

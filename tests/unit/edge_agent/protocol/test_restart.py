@@ -100,18 +100,6 @@ def test_a_goal_that_the_order_still_needs_is_not_stopped() -> None:
     assert not restarted(bench).effects_of(Halt)
 
 
-def test_a_restarted_action_is_reported_as_initializing() -> None:
-    bench = Bench()
-    bench.send(order("n0", node_actions={"n0": [action("work", "SOFT")]}))
-    bench.runs("work")
-    again = Bench(memory=bench.core.memory(), ready=False)
-    assert again.status("work") == "RUNNING"
-
-    again.do(Started())
-
-    assert again.status("work") == "INITIALIZING"
-
-
 @pytest.mark.clause("6.6/restart", "6.6.9")
 def test_an_action_that_ended_stays_ended() -> None:
     bench = Bench()
@@ -228,18 +216,6 @@ def test_an_interrupted_initialize_position_fails() -> None:
 
     assert again.status("i") == "FAILED"
     assert not again.effects_of(SetPosition)
-
-
-@pytest.mark.clause("6.6.5.4")
-def test_a_failing_journal_is_reported_until_it_works() -> None:
-    bench = Bench()
-
-    bench.do(JournalReport("No space left on device"))
-    (error,) = bench.state.errors
-    assert "No space left" in str(error.error_description)
-
-    bench.do(JournalReport(""))
-    assert not bench.errors
 
 
 def listed(*rows: tuple[str, str]) -> GoalTable:

@@ -31,17 +31,6 @@ def test_a_state_is_sent_for_relevant_changes_but_not_for_each_pose() -> None:
     assert bench.do(GoalTable((GoalReport("h", external=True, status="EXECUTING"),))) == REPORT
 
 
-@pytest.mark.clause("6.6.4")
-def test_an_external_goal_is_shown_for_information() -> None:
-    bench = Bench()
-    bench.do(GoalTable((GoalReport("h", external=True, status="EXECUTING"),)))
-
-    (information,) = bench.state.information or ()
-
-    assert information.info_type == "externalGoal"
-    assert "EXECUTING" in str(information.info_descriptor)
-
-
 @pytest.mark.clause("7.8/position")
 @pytest.mark.parametrize("x", [nan, inf, -inf])
 def test_an_invalid_pose_is_ignored(x: float) -> None:

@@ -141,10 +141,6 @@ def asked(*, status: RequestStatus = RequestStatus.REQUESTED, lasting: float | N
     return ZoneRequests([AccessRequest(*A.key, "zone-1", status, expiry)], last_number=1)
 
 
-def ids(access: ZoneRequests) -> list[str]:
-    return [each.request_id for each in access.requests]
-
-
 def test_zones_with_the_same_id_in_two_sets_are_different() -> None:
     other = EnabledZone(MAP, "t", A.zone, A.contour, A.bounding_box)
     access = ZoneRequests()
