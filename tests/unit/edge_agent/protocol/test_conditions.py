@@ -39,6 +39,7 @@ from nena_edge_agent.protocol.events import (
 )
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 from nena_shared.vda5050.factsheet import ActionScope
+from nena_shared.vda5050.order import NodePosition
 from nena_shared.vda5050.own_actions import ROS_SESSION, START_ROS_SESSION, STOP_ROS_SESSION
 from nena_shared.vda5050.state import EmergencyStop, OperatingMode
 from support.robot_core import ACTIONS, MAP, Bench, action, at, order, position
@@ -293,46 +294,31 @@ def test_the_collision_monitor_is_reported_only_during_a_drive() -> None:
 LIMITS = DriveLimits(tolerance=0.25, hand_over=0.6, map_id=MAP, theta_tolerance=0.25)
 
 
-def test_a_node_below_the_goal_tolerance_is_reported_before_the_drive() -> None:
-    bench = Bench()
-    bench.do(LIMITS)
-    narrow = {"n2": position(20.0, radius=0.1)}
-    bench.send(order("n0", "n1", "n2", positions=narrow))
-
-    (error,) = bench.state.errors
-    assert (error.error_type, error.error_level) == (DEVIATION_TOO_SMALL, ErrorLevel.WARNING)
-    assert "'n2' allows a deviation of 0.1 m" in str(error.error_description)
-    assert "0.25 m" in str(error.error_description)
+EXACT = position(20.0, theta=1.0).model_copy(update={"allowed_deviation_theta": 0.1})
 
 
-def test_a_heading_below_the_goal_tolerance_is_reported_before_the_drive() -> None:
-    bench = Bench()
-    bench.do(LIMITS)
-    exact = position(20.0, theta=1.0).model_copy(update={"allowed_deviation_theta": 0.1})
-    bench.send(order("n0", "n1", "n2", positions={"n2": exact}))
-
-    (error,) = bench.state.errors
-    assert error.error_type == DEVIATION_TOO_SMALL
-    assert "'n2' allows a deviation of 0.1 rad, but Nav2's goal tolerance is 0.25 rad" in str(
-        error.error_description
-    )
-    assert "yaw_goal_tolerance" in str(error.error_hint)
-
-
-@pytest.mark.parametrize("theta_tolerance", [None, 0.1])
-def test_a_heading_that_navigation_may_reach_causes_no_warning(theta_tolerance: float | None) -> None:
+@pytest.mark.parametrize(
+    ("place", "theta_tolerance", "text", "parameter"),
+    [
+        (position(20.0, radius=0.1), 0.25, "0.1 m, but Nav2's goal tolerance is 0.25 m", "xy_goal_tolerance"),
+        (position(20.0, radius=0.25), 0.25, "", ""),
+        (EXACT, 0.25, "0.1 rad, but Nav2's goal tolerance is 0.25 rad", "yaw_goal_tolerance"),
+        (EXACT, 0.1, "", ""),
+        (EXACT, None, "", ""),
+    ],
+)
+def test_a_deviation_below_the_goal_tolerance_is_reported_before_the_drive(
+    place: NodePosition, theta_tolerance: float | None, text: str, parameter: str
+) -> None:
     bench = Bench()
     bench.do(replace(LIMITS, theta_tolerance=theta_tolerance))
-    exact = position(20.0, theta=1.0).model_copy(update={"allowed_deviation_theta": 0.1})
-    bench.send(order("n0", "n1", "n2", positions={"n2": exact}))
-    assert bench.errors == []
+    bench.send(order("n0", "n1", "n2", positions={"n2": place}))
 
-
-def test_nodes_that_allow_enough_cause_no_warning() -> None:
-    bench = Bench()
-    bench.do(LIMITS)
-    bench.send(order("n0", "n1", "n2", positions={"n2": position(20.0, radius=0.25)}))
-    assert bench.errors == []
+    assert bench.errors == ([DEVIATION_TOO_SMALL] if text else [])
+    for entry in bench.state.errors:
+        assert entry.error_level is ErrorLevel.WARNING
+        assert f"'n2' allows a deviation of {text}" in str(entry.error_description)
+        assert parameter in str(entry.error_hint)
 
 
 def test_new_limits_of_navigation_are_published_once() -> None:
