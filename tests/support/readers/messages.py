@@ -125,7 +125,7 @@ def loopback_control(_place: Place) -> Reader:
     events: list[Event] = []
     control = SimulationControl(RobotLink().cut)
     start = Pose(0.0, 0.0, 0.0, "m")
-    control.attach(
+    control.use_driver(
         LoopbackDriver(LoopbackSettings(), start, emit=events.append, clock=SystemClock()), events.append
     )
     client = ControlApi(MqttSettings(), "uagv", {ROBOT: control})

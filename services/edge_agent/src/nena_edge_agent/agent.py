@@ -412,7 +412,7 @@ class RobotAgent:
         for topic, handler in self._inbox.handlers(zones=bool(self._capabilities.zones)).items():
             observed = partial(self._handle_message, handler)
             link.subscribe(self._messages.topic(topic), observed, qos=self._settings.qos)
-        self._robot.link.use(link)
+        self._robot.link.use_link(link)
         return link
 
     def _handle_message(self, handler: Handler, message: Inbound) -> None:

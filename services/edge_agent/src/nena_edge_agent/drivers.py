@@ -44,7 +44,7 @@ def driver_maker(
             start = settings.loopback.start(index)
             place = last_place or Pose(start.x, start.y, start.theta, settings.map_id)
             driver = LoopbackDriver(settings.loopback, place, emit=put, clock=clock, speed=start.speed)
-            control.attach(driver, put)
+            control.use_driver(driver, put)
             return driver
 
         return make_loopback
@@ -71,7 +71,7 @@ def driver_maker(
             limiter=limiter,
             make_map_server=make_map_server,
         )
-        switch.attach(driver.session)
+        switch.use_session(driver.session)
         return driver
 
     return make_nav2

@@ -26,9 +26,9 @@ from nena_edge_agent.actions.messages import (
     FieldError,
     Record,
     action_type,
-    conformed,
+    conform_value,
     message_type,
-    read,
+    read_fields,
     service_type,
 )
 from nena_edge_agent.actions.plugin import (
@@ -496,7 +496,7 @@ class _DryAction:
     async def run(self, fields: Mapping[str, JsonValue]) -> Fields:
         _check_fields(fields, self._goal, self._name)
         await asyncio.sleep(DRIVE_TIME)
-        return read(self._kind.Result())
+        return read_fields(self._kind.Result())
 
 
 class _DryPublisher:
@@ -518,12 +518,12 @@ class _DryClient:
 
     async def call(self, fields: Mapping[str, JsonValue], *, seconds: float) -> Fields:  # noqa: ARG002
         _check_fields(fields, self._request, self._service)
-        response = read(self._response.make())
+        response = read_fields(self._response.make())
         return response | {"success": True} if "success" in response else response
 
 
 def _check_fields(fields: Mapping[str, JsonValue], shape: Record, path: str) -> None:
     try:
-        conformed(dict(fields), shape, path)
+        conform_value(dict(fields), shape, path)
     except FieldError as error:
         raise RosError(str(error)) from error

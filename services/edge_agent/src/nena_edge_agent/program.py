@@ -169,7 +169,7 @@ def _agent_maker(
         agent = RobotAgent(
             settings,
             robot,
-            parts.ports.joined(driver),
+            parts.ports.observe_driver(driver),
             registry,
             clock=core.clock,
             offers=nav2_offers(settings.ros) if parts.ros else NO_OFFERS,

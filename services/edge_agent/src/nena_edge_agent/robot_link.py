@@ -38,7 +38,7 @@ class RobotLink:
         if self._link:
             self._link.cut(seconds)
 
-    def use(self, link: BrokerLink) -> None:
+    def use_link(self, link: BrokerLink) -> None:
         """Subscribe and publish on the link of a new agent from now on."""
         for subscribe in self._subscriptions:
             subscribe(link)

@@ -18,17 +18,17 @@ from nena_edge_agent.actions.messages import (
     ScalarKind,
     UnknownTypeError,
     class_of,
-    conformed,
-    filled,
+    conform_value,
+    fill_template,
+    make_message,
     matches,
-    message,
     message_type,
-    problems,
-    read,
+    placeholder_name,
+    read_fields,
     service_type,
+    shape_problems,
     template_problems,
     value_at,
-    whole,
 )
 from nena_shared.vda5050.factsheet import ValueDataType
 
@@ -51,7 +51,7 @@ VALUES: dict[str, JsonValue] = {"height": 1.5, "name": "box", "on": True, "none"
     ],
 )
 def test_placeholders_are_replaced_by_values(template: JsonValue, expected: JsonValue) -> None:
-    assert filled(template, VALUES) == expected
+    assert fill_template(template, VALUES) == expected
 
 
 @pytest.mark.parametrize(
@@ -72,13 +72,13 @@ def test_an_invalid_template_is_reported_with_its_location(template: JsonValue, 
 
 @given(st.text("{}ab1. _", max_size=20))
 def test_a_value_is_not_parsed_as_a_template(value: str) -> None:
-    assert filled("<{name}>", {"name": value}) == f"<{value}>"
-    assert filled("{name}", {"name": value}) == value
+    assert fill_template("<{name}>", {"name": value}) == f"<{value}>"
+    assert fill_template("{name}", {"name": value}) == value
 
 
 def test_a_text_that_is_a_single_placeholder_is_recognised() -> None:
-    assert whole("{height}") == "height"
-    assert whole("{height} m") is None
+    assert placeholder_name("{height}") == "height"
+    assert placeholder_name("{height} m") is None
 
 
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -120,7 +120,7 @@ TYPES = {"height": ValueDataType.NUMBER, "name": ValueDataType.STRING, "count": 
 def test_an_invalid_message_is_reported_with_the_path_of_the_field(
     type_name: str, fields: JsonValue, problem: str
 ) -> None:
-    assert next(problems(fields, message_type(type_name), TYPES, "fields")).startswith(problem)
+    assert next(shape_problems(fields, message_type(type_name), TYPES, "fields")).startswith(problem)
 
 
 @pytest.mark.parametrize(
@@ -135,12 +135,12 @@ def test_an_invalid_message_is_reported_with_the_path_of_the_field(
     ],
 )
 def test_valid_messages_are_accepted(type_name: str, fields: JsonValue) -> None:
-    assert not list(problems(fields, message_type(type_name), TYPES, "fields"))
+    assert not list(shape_problems(fields, message_type(type_name), TYPES, "fields"))
 
 
 def made(type_name: str, fields: JsonValue) -> Any:
     record = message_type(type_name)
-    return message(conformed(fields, record, "fields"), record)
+    return make_message(conform_value(fields, record, "fields"), record)
 
 
 def test_integers_are_converted_for_float_fields() -> None:
@@ -201,9 +201,9 @@ def test_a_message_is_read_as_plain_data() -> None:
     octets = class_of("std_msgs/msg/ByteMultiArray")()
     octets.data = [b"\x05"]
 
-    assert read(path)["poses"][0]["pose"]["orientation"] == {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
-    assert read(covariance)["covariance"] == [0.0] * 36
-    assert read(octets)["data"] == [5]
+    assert read_fields(path)["poses"][0]["pose"]["orientation"] == {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+    assert read_fields(covariance)["covariance"] == [0.0] * 36
+    assert read_fields(octets)["data"] == [5]
 
 
 MESSAGE = {

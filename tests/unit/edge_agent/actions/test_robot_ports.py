@@ -34,7 +34,7 @@ PLACE = Pose(1.0, 2.0, 0.5, "hall")
 
 def begun() -> tuple[ActionDrive, ScriptedDriver]:
     drive, driver = ActionDrive(), ScriptedDriver()
-    drive.attach(driver)
+    drive.use_driver(driver)
     return drive, driver
 
 
@@ -52,10 +52,10 @@ async def test_a_drive_ends_with_the_arrival_at_its_own_goal() -> None:
     assert (goal.pose, goal.deviation_xy, goal.maximum_speed) == (PLACE, 0.1, 0.3)
     assert goal.generation < 0  # the core's are above zero
 
-    drive.observe(Arrived(1))
+    drive.observe_event(Arrived(1))
     await turn_passes()
     assert not task.done()
-    drive.observe(Arrived(goal.generation))
+    drive.observe_event(Arrived(goal.generation))
 
     await asyncio.wait_for(task, PATIENCE)
 
@@ -63,10 +63,10 @@ async def test_a_drive_ends_with_the_arrival_at_its_own_goal() -> None:
 async def test_a_failed_drive_reports_its_reason() -> None:
     drive, driver = begun()
     task = await driving(drive, driver)
-    drive.observe(DriveFailed(driver.goals[0].generation, DriveFailure.ABORTED, "a wall"))
+    drive.observe_event(DriveFailed(driver.goals[0].generation, DriveFailure.ABORTED, "a wall"))
     await until(lambda: driver.halts)
     assert not task.done(), "its controller may drive on"
-    drive.observe(Halted())
+    drive.observe_event(Halted())
 
     with pytest.raises(DriveError, match=r"a wall \(ABORTED\)"):
         await asyncio.wait_for(task, PATIENCE)
@@ -78,20 +78,20 @@ async def test_a_cancelled_action_ends_at_standstill() -> None:
     task.cancel()
     await until(lambda: driver.halts)
     assert not task.done()
-    drive.observe(Halted())
+    drive.observe_event(Halted())
     with pytest.raises(asyncio.CancelledError):
         await asyncio.wait_for(task, PATIENCE)
 
     again = await driving(drive, driver)  # the next one may begin
     assert driver.goals[1].generation < driver.goals[0].generation
     again.cancel()
-    driver.on_halt = lambda: drive.observe(Halted())
+    driver.on_halt = lambda: drive.observe_event(Halted())
     await asyncio.wait([again], timeout=PATIENCE)
 
 
 async def test_only_one_action_drives_at_a_time() -> None:
     drive, driver = begun()
-    driver.on_halt = lambda: drive.observe(Halted())
+    driver.on_halt = lambda: drive.observe_event(Halted())
     task = await driving(drive, driver)
     with pytest.raises(DriveError, match="another action is driving"):
         await drive.drive(PLACE, deviation_xy=0.1)
@@ -108,7 +108,7 @@ def test_the_pose_is_only_that_of_a_localised_robot() -> None:
     drive, _ = begun()
 
     def pose(*, localized: bool) -> Pose | None:
-        drive.observe(PoseReport(PLACE, localized=localized))
+        drive.observe_event(PoseReport(PLACE, localized=localized))
         return drive.pose
 
     assert drive.pose is None
@@ -178,7 +178,7 @@ async def test_the_ports_are_joined_with_the_driver_when_it_is_created() -> None
         drivers.append(LoopbackDriver(LoopbackSettings(), START, emit=put, clock=SystemClock()))
         return drivers[0]
 
-    assert ports.joined(make)(events.append, START) is drivers[0]
+    assert ports.observe_driver(make)(events.append, START) is drivers[0]
     await drivers[0].start()
     ros.say("load", data=True)
 

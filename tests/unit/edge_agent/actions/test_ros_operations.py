@@ -39,7 +39,7 @@ def values_of(*parameters: Mapping[str, object], load: str = "") -> ActionValues
 
 
 def test_placeholders_are_filled_from_the_actions_parameters_and_id() -> None:
-    values = values_of(SIDE, LEVEL).of(action("a1", "HARD", "x", side="right"))
+    values = values_of(SIDE, LEVEL).values_of(action("a1", "HARD", "x", side="right"))
 
     assert values == {"actionId": "a1", "side": 2, "level": None}
 
@@ -84,7 +84,7 @@ def test_an_array_lists_alternatives_where_configured() -> None:
     names: FieldValues = {"data": ["done {actionId}", "ok"]}
 
     template = MessageTemplate(names, STRING, values_of(), "p", any_of=True)
-    assert template.filled({"actionId": "a1"}) == {"data": ["done a1", "ok"]}
+    assert template.fill({"actionId": "a1"}) == {"data": ["done a1", "ok"]}
     with pytest.raises(ConfigurationError, match=r"is not a string"):
         MessageTemplate(names, STRING, values_of(), "p")
 
@@ -92,10 +92,10 @@ def test_an_array_lists_alternatives_where_configured() -> None:
 def test_a_value_that_does_not_fit_its_field_is_refused_when_filled_in() -> None:
     template = MessageTemplate({"data": "{level}"}, UINT8, values_of(LEVEL), "p")
 
-    assert template.filled({"level": 200}) == {"data": 200}
-    assert template.filled({"level": None}) == {}
+    assert template.fill({"level": 200}) == {"data": 200}
+    assert template.fill({"level": None}) == {}
     with pytest.raises(FieldError, match=r"p\.data: 300 is not"):
-        template.filled({"level": 300})
+        template.fill({"level": 300})
 
 
 TYPE = "std_msgs/msg/String"
@@ -110,8 +110,8 @@ def listening(**settings: object) -> tuple[ScriptedRos, Answer]:
 
 async def test_each_waiting_action_gets_its_own_response() -> None:
     ros, answer = listening()
-    one = answer.expect({"actionId": "a1"}, print)
-    other = answer.expect({"actionId": "a2"}, print)
+    one = answer.expect_answer({"actionId": "a1"}, print)
+    other = answer.expect_answer({"actionId": "a2"}, print)
     ros.say("said", data="done a2")
 
     assert await other == "done a2"
@@ -124,7 +124,7 @@ async def test_each_waiting_action_gets_its_own_response() -> None:
 async def test_failure_and_progress_are_distinguished() -> None:
     ros, answer = listening(failed={"data": ["jam", "no power"]}, progress={"data": "half"})
     wait_for_subscriber: list[str] = []
-    waiting = answer.expect({"actionId": "a1"}, wait_for_subscriber.append)
+    waiting = answer.expect_answer({"actionId": "a1"}, wait_for_subscriber.append)
     for text in ("other", "half", "no power", "done a1"):
         ros.say("said", data=text)
 
@@ -136,7 +136,7 @@ async def test_failure_and_progress_are_distinguished() -> None:
 async def test_without_a_result_field_it_reports_a_default_text() -> None:
     ros, answer = listening(result="", failed={"data": "jam"})
     assert answer.words == "waits for said"
-    waiting = answer.expect({"actionId": "a1"}, print)
+    waiting = answer.expect_answer({"actionId": "a1"}, print)
     ros.say("said", data="jam")
 
     with pytest.raises(WorkFailedError, match="said reported failure"):
@@ -147,7 +147,7 @@ async def test_earlier_messages_count_only_if_latched() -> None:
     for qos, seen in (("reliable", False), ("latched", True)):
         ros, answer = listening(qos=qos)
         ros.say("said", data="done a1")
-        waiting = answer.expect({"actionId": "a1"}, print)
+        waiting = answer.expect_answer({"actionId": "a1"}, print)
         assert waiting.done() is seen
         waiting.cancel()
 
@@ -161,7 +161,7 @@ async def test_a_service_without_a_result_field_has_succeeded() -> None:
     ros = ScriptedRos()
     ros.services["x"] = {}
 
-    assert await call(ros, "std_srvs/srv/Empty").do({}) is None
+    assert await call(ros, "std_srvs/srv/Empty").call_service({}) is None
 
 
 async def test_expected_values_may_contain_parameters_of_the_action() -> None:
@@ -169,14 +169,14 @@ async def test_expected_values_may_contain_parameters_of_the_action() -> None:
     ros.services["x"] = {"success": False, "message": "a1 done"}
     named = call(ros, "std_srvs/srv/Trigger", expect={"message": "{actionId} done"}, result="")
 
-    assert await named.do({"actionId": "a1"}) is None
+    assert await named.call_service({"actionId": "a1"}) is None
     with pytest.raises(WorkFailedError, match="x reported failure"):
-        await named.do({"actionId": "a2"})
+        await named.call_service({"actionId": "a2"})
 
 
 async def test_a_missing_service_is_reported_by_ros() -> None:
     with pytest.raises(RosError, match="no node offers"):
-        await call(ScriptedRos(), "std_srvs/srv/Trigger").do({})
+        await call(ScriptedRos(), "std_srvs/srv/Trigger").call_service({})
 
 
 TYPE_of_command = "std_msgs/msg/UInt8"
@@ -203,7 +203,7 @@ def test_each_step_sends_its_configured_message() -> None:
 
 def test_an_invalid_value_is_found_before_the_start() -> None:
     with pytest.raises(FieldError, match=r"p\.fields\.data: 300"):
-        command(ScriptedRos()).check({"level": 300})
+        command(ScriptedRos()).check_values({"level": 300})
 
 
 async def test_a_subscriber_is_required_unless_configured_otherwise() -> None:

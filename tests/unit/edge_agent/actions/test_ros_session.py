@@ -36,7 +36,7 @@ class Robot:
             clock=ManualClock(),
             retry=1.0,
         )
-        self.switch.attach(self.manager)
+        self.switch.use_session(self.manager)
 
     async def _begin(self, address: RosAddress) -> None:
         if address.domain_id in self.closed:

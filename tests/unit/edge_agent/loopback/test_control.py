@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_edge_agent.driver.port import Circle, NavigationReport, NoRouteReport, Pose, PoseReport
-from nena_edge_agent.loopback.control import CommandRefusedError, SimulationControl, parse
+from nena_edge_agent.loopback.control import CommandRefusedError, SimulationControl, parse_command
 from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.protocol.events import (
@@ -36,11 +36,11 @@ class Stand:
         start = Pose(0.0, 0.0, 0.0, "m")
         settings = LoopbackSettings()
         self.driver = LoopbackDriver(settings, start, emit=self.events.append, clock=SystemClock())
-        self.control.attach(self.driver, self.events.append)
+        self.control.use_driver(self.driver, self.events.append)
 
     def do(self, command: str, **fields: Any) -> Event:
         """Execute a command, and return the last resulting event."""
-        self.control.apply(parse(json.dumps({"command": command, **fields}).encode()))
+        self.control.apply_command(parse_command(json.dumps({"command": command, **fields}).encode()))
         return self.events[-1]
 
 
@@ -89,19 +89,19 @@ def test_simulated_events_are_passed_to_the_driver() -> None:
 
 def test_the_link_is_cut_for_the_given_time() -> None:
     stand = Stand()
-    stand.control.apply(parse(b'{"command": "linkSilence", "seconds": 2.5}'))
+    stand.control.apply_command(parse_command(b'{"command": "linkSilence", "seconds": 2.5}'))
 
     assert stand.cuts == [2.5]
 
 
 async def test_commands_are_refused_while_the_robot_does_not_run() -> None:
-    stand, press = Stand(), parse(b'{"command": "pauseButton", "pressed": true}')
+    stand, press = Stand(), parse_command(b'{"command": "pauseButton", "pressed": true}')
     with pytest.raises(CommandRefusedError, match="is not running"):
-        SimulationControl(RobotLink().cut).apply(press)
+        SimulationControl(RobotLink().cut).apply_command(press)
 
     await stand.driver.stop()
     with pytest.raises(CommandRefusedError, match="is not running"):
-        stand.control.apply(press)
+        stand.control.apply_command(press)
 
 
 @pytest.mark.parametrize(
@@ -118,7 +118,7 @@ async def test_commands_are_refused_while_the_robot_does_not_run() -> None:
 )
 def test_an_invalid_command_reports_its_problem(text: str, problem: str) -> None:
     with pytest.raises(CommandRefusedError) as caught:
-        parse(text.encode())
+        parse_command(text.encode())
 
     assert problem in str(caught.value)
 
@@ -126,4 +126,4 @@ def test_an_invalid_command_reports_its_problem(text: str, problem: str) -> None
 @given(st.binary(max_size=50) | st.from_regex(r'\{"command": "[a-z]{0,8}", ".*\}').map(str.encode))
 def test_random_bytes_only_cause_a_refusal(payload: bytes) -> None:
     with pytest.raises(CommandRefusedError):
-        parse(payload)
+        parse_command(payload)

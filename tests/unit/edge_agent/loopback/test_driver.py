@@ -20,7 +20,7 @@ from nena_edge_agent.driver.port import (
     PoseReport,
     PositionInitialized,
 )
-from nena_edge_agent.loopback.driver import LoopbackDriver, Motion, SimulatedBattery, braking
+from nena_edge_agent.loopback.driver import LoopbackDriver, Motion, SimulatedBattery, plan_braking
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_shared.clock import SystemClock
 from support.waiting import until
@@ -264,31 +264,31 @@ def battery(**settings: float) -> SimulatedBattery:
 
 def test_driving_drains_the_battery() -> None:
     one = battery(charge=50, drain=2)
-    one.drive(300)
+    one.drain_by(300)
 
-    assert one.level(0.0) == 44
-    one.drive(10_000)
-    assert one.level(0.0) == 0
+    assert one.level_at(0.0) == 44
+    one.drain_by(10_000)
+    assert one.level_at(0.0) == 0
 
 
 def test_charging_increases_the_charge_until_full() -> None:
     one = battery(charge=50, charge_rate=2)
-    one.switch(10.0, charging=True)
+    one.switch_charging(10.0, charging=True)
 
-    assert one.charging
-    assert (one.level(15.0), one.level(15.0)) == (60, 60)
-    assert one.level(100.0) == 100
-    one.switch(100.0, charging=False)
-    one.drive(100)
-    assert one.level(200.0) == 99
+    assert one.is_charging
+    assert (one.level_at(15.0), one.level_at(15.0)) == (60, 60)
+    assert one.level_at(100.0) == 100
+    one.switch_charging(100.0, charging=False)
+    one.drain_by(100)
+    assert one.level_at(200.0) == 99
 
 
 def test_a_set_charge_is_the_new_level() -> None:
     one = battery(charge=50, charge_rate=1)
-    one.switch(0.0, charging=True)
+    one.switch_charging(0.0, charging=True)
     one.set_level(10.0, 5)
 
-    assert one.level(12.0) == pytest.approx(7)
+    assert one.level_at(12.0) == pytest.approx(7)
 
 
 @given(STEPS)
@@ -298,12 +298,12 @@ def test_its_charge_stays_between_0_and_100_percent(steps: list[tuple[str, float
         now += value
         match kind:
             case "drive":
-                one.drive(value)
+                one.drain_by(value)
             case "on" | "off":
-                one.switch(now, charging=kind == "on")
+                one.switch_charging(now, charging=kind == "on")
             case "set":
                 one.set_level(now, min(value, 100.0))
-        assert 0 <= one.level(now) <= 100
+        assert 0 <= one.level_at(now) <= 100
 
 
 METRES = st.floats(-100, 100)
@@ -318,18 +318,18 @@ def test_it_turns_drives_and_turns() -> None:
     way = motion(Pose(0, 0, 0, "m"), Pose(0, 4, pi, "m"))
 
     assert way.end == pytest.approx(10 + pi / 2 + 2 + pi / 2)
-    pose, vx, omega = way.at(10 + pi / 4)
+    pose, vx, omega = way.motion_at(10 + pi / 4)
     assert (pose.x, pose.y, pose.theta, vx, omega) == pytest.approx((0, 0, pi / 4, 0, 1))
-    pose, vx, omega = way.at(10 + pi / 2 + 1)
+    pose, vx, omega = way.motion_at(10 + pi / 2 + 1)
     assert (pose.x, pose.y, pose.theta, vx, omega) == pytest.approx((0, 2, pi / 2, 2, 0), abs=1e-9)
-    pose, vx, omega = way.at(10 + pi / 2 + 2 + pi / 4)
+    pose, vx, omega = way.motion_at(10 + pi / 2 + 2 + pi / 4)
     assert (pose.y, pose.theta, vx, omega) == pytest.approx((4, 3 * pi / 4, 0, 1))
 
 
 def test_without_a_theta_it_keeps_its_heading() -> None:
     way = motion(Pose(0, 0, 0, "m"), Pose(4, 0, 2.0, "m"), turn_at_end=False)
 
-    assert way.at(way.end)[0].theta == 0.0
+    assert way.motion_at(way.end)[0].theta == 0.0
     assert way.end == 12.0
 
 
@@ -337,8 +337,8 @@ def test_without_a_theta_it_keeps_its_heading() -> None:
 def test_a_motion_begins_at_its_start_and_ends_at_its_goal(start: Pose, goal: Pose) -> None:
     way = motion(start, goal)
 
-    first, _, _ = way.at(9.0)
-    last, vx, omega = way.at(way.end + 1.0)
+    first, _, _ = way.motion_at(9.0)
+    last, vx, omega = way.motion_at(way.end + 1.0)
 
     assert (first.x, first.y) == pytest.approx((start.x, start.y))
     assert (last.x, last.y, vx, omega) == (goal.x, goal.y, 0.0, 0.0)
@@ -347,26 +347,26 @@ def test_a_motion_begins_at_its_start_and_ends_at_its_goal(start: Pose, goal: Po
 
 def test_it_brakes_evenly_to_a_standstill() -> None:
     way = motion(Pose(0, 0, 0, "m"), Pose(100, 0, 0, "m"))
-    stop = braking(way, 20.0, 0.5)
+    stop = plan_braking(way, 20.0, 0.5)
 
     assert stop is not None
     assert stop.end == 24.0
-    assert stop.at(20.0)[:2] == (Pose(20, 0, 0, "m"), 2.0)
-    pose, vx, _ = stop.at(22.0)
+    assert stop.motion_at(20.0)[:2] == (Pose(20, 0, 0, "m"), 2.0)
+    pose, vx, _ = stop.motion_at(22.0)
     assert (pose.x, vx) == (23, 1)
-    assert stop.at(30.0) == (Pose(24, 0, 0, "m"), 0.0, 0.0)
+    assert stop.motion_at(30.0) == (Pose(24, 0, 0, "m"), 0.0, 0.0)
 
 
 def test_near_its_goal_it_brakes_harder_and_never_overshoots() -> None:
     way = motion(Pose(0, 0, 0, "m"), Pose(21, 0, 0, "m"))
-    stop = braking(way, 20.0, 0.5)
+    stop = plan_braking(way, 20.0, 0.5)
 
     assert stop is not None
-    assert stop.at(stop.end)[0].x == pytest.approx(21)
+    assert stop.motion_at(stop.end)[0].x == pytest.approx(21)
 
 
 def test_without_a_deceleration_or_while_it_turns_it_stops_on_the_spot() -> None:
     ahead, aside = Pose(100, 0, 0, "m"), Pose(0, 100, 0, "m")
 
-    assert braking(motion(Pose(0, 0, 0, "m"), ahead), 20.0, 0.0) is None
-    assert braking(motion(Pose(0, 0, 0, "m"), aside), 10.5, 0.5) is None
+    assert plan_braking(motion(Pose(0, 0, 0, "m"), ahead), 20.0, 0.0) is None
+    assert plan_braking(motion(Pose(0, 0, 0, "m"), aside), 10.5, 0.5) is None

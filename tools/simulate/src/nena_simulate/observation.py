@@ -168,7 +168,7 @@ class Observer:
 
     @staticmethod
     def _activity_of(robot: SimulatedRobot, order: TransportOrderStatus | None) -> Doing:
-        if robot.driver.moving:
+        if robot.driver.is_moving:
             return Doing.DRIVES_LOADED if robot.loaded else Doing.DRIVES_EMPTY
         if order is None:
             return Doing.IDLE

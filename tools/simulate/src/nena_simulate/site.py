@@ -189,13 +189,13 @@ class SimulatedRobot:
             self.driver = LoopbackDriver(
                 settings.loopback, self._pose, emit=emit, clock=clock, speed=self._speed
             )
-            self.control.attach(self.driver, put)
+            self.control.use_driver(self.driver, put)
             return self.driver
 
         self.agent = RobotAgent(
             settings,
             robot,
-            ports.joined(make_driver),
+            ports.observe_driver(make_driver),
             registry,
             clock=clock,
             make_link=Link.maker(self._broker),
@@ -271,7 +271,7 @@ class Site:
 
     def _may_die(self, robot: SimulatedRobot) -> bool:
         state, places = self.fleet.view(robot.key).state, self.case.disturbances.dead_at
-        return robot.driver.moving and state is not None and (not places or state.last_node_id in places)
+        return robot.driver.is_moving and state is not None and (not places or state.last_node_id in places)
 
     async def _give_orders(self) -> None:
         """Create orders like hosts."""

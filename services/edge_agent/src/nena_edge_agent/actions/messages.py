@@ -20,7 +20,7 @@ _PART: Final = re.compile(r"\{\{|\}\}|\{(?P<name>[A-Za-z_][A-Za-z0-9_]*)\}|(?P<l
 _WHOLE: Final = re.compile(r"\{([A-Za-z_][A-Za-z0-9_]*)\}")
 
 
-def whole(text: str) -> str | None:
+def placeholder_name(text: str) -> str | None:
     """Return the parameter's name if ``text`` is one placeholder and nothing else, otherwise None."""
     found = _WHOLE.fullmatch(text)
     return found.group(1) if found else None
@@ -45,19 +45,19 @@ def template_problems(template: JsonValue, names: Collection[str], path: str) ->
                 yield from template_problems(value, names, f"{path}.{number}")
 
 
-def filled(template: JsonValue, values: Mapping[str, JsonValue]) -> JsonValue:
+def fill_template(template: JsonValue, values: Mapping[str, JsonValue]) -> JsonValue:
     """Insert ``values``; None removes a field, or is an empty string within a longer text."""
     match template:
         case str():
-            name = whole(template)
+            name = placeholder_name(template)
             return (
                 values.get(name) if name else _PART.sub(lambda found: _insert_value(found, values), template)
             )
         case dict():
-            parts = {key: filled(value, values) for key, value in template.items()}
+            parts = {key: fill_template(value, values) for key, value in template.items()}
             return {key: value for key, value in parts.items() if value is not None}
         case list():
-            items = (filled(each, values) for each in template)
+            items = (fill_template(each, values) for each in template)
             return [item for item in items if item is not None]
         case _:
             return template
@@ -108,7 +108,7 @@ class ArrayShape:
     exactly: int | None = None
     most: int | None = None
 
-    def holds(self, count: int) -> bool:
+    def allows_count(self, count: int) -> bool:
         """Return whether ``count`` values are allowed."""
         return self.exactly in (None, count) and (self.most is None or count <= self.most)
 
@@ -140,12 +140,12 @@ _FITTING: Final[Mapping[ScalarKind, frozenset[ValueDataType]]] = {
 """Types of parameters that can replace a whole value of each kind."""
 
 
-def problems(  # noqa: C901, PLR0912 - a case for each kind of field
+def shape_problems(  # noqa: C901, PLR0912 - a case for each kind of field
     template: JsonValue, shape: Shape, types: Mapping[str, ValueDataType], path: str
 ) -> Iterator[str]:
     """Yield what can never fit, whatever the values of parameters; ``types`` are their types by name."""
     match template, shape:
-        case str(), Scalar() if name := whole(template):
+        case str(), Scalar() if name := placeholder_name(template):
             if types.get(name) not in _FITTING[shape.kind] and name in types:
                 kind = shape.kind.value
                 yield f"{path}: must be {kind}, but the parameter '{name}' is of type {types[name]}"
@@ -154,24 +154,24 @@ def problems(  # noqa: C901, PLR0912 - a case for each kind of field
         case dict(), Record():
             for key, value in template.items():
                 if field := shape.fields.get(key):
-                    yield from problems(value, field, types, f"{path}.{key}")
+                    yield from shape_problems(value, field, types, f"{path}.{key}")
                 else:
                     yield _no_such_field(key, shape, path)
         case list(), ArrayShape():
-            if not shape.holds(len(template)):
+            if not shape.allows_count(len(template)):
                 yield f"{path}: {template!r} is not {shape.words}"
             for number, item in enumerate(template):
-                yield from problems(item, shape.item, types, f"{path}.{number}")
-        case str(), ArrayShape() if whole(template):
+                yield from shape_problems(item, shape.item, types, f"{path}.{number}")
+        case str(), ArrayShape() if placeholder_name(template):
             return  # a whole array, whose items are checked when the value is known
         case _:
             try:
-                conformed(template, shape, path)
+                conform_value(template, shape, path)
             except FieldError as error:
                 yield str(error)
 
 
-def conformed(value: JsonValue, shape: Shape, path: str) -> Any:  # noqa: ANN401 - a value of any field
+def conform_value(value: JsonValue, shape: Shape, path: str) -> Any:  # noqa: ANN401 - a value of any field
     """Convert ``value`` to the type of a field.
 
     Raises:
@@ -181,21 +181,23 @@ def conformed(value: JsonValue, shape: Shape, path: str) -> Any:  # noqa: ANN401
         case Scalar():
             return _read_scalar(value, shape, path)
         case ArrayShape():
-            if not isinstance(value, list) or not shape.holds(len(value)):
+            if not isinstance(value, list) or not shape.allows_count(len(value)):
                 text = f"{path}: {value!r} is not {shape.words}"
                 raise FieldError(text)
-            return [conformed(item, shape.item, f"{path}.{number}") for number, item in enumerate(value)]
+            return [conform_value(item, shape.item, f"{path}.{number}") for number, item in enumerate(value)]
         case Record():
             if not isinstance(value, dict):
                 text = f"{path}: {value!r} is not a table of the fields {_list_fields(shape)}"
                 raise FieldError(text)
             if unknown := next((key for key in value if key not in shape.fields), None):
                 raise FieldError(_no_such_field(unknown, shape, path))
-            return {key: conformed(part, shape.fields[key], f"{path}.{key}") for key, part in value.items()}
+            return {
+                key: conform_value(part, shape.fields[key], f"{path}.{key}") for key, part in value.items()
+            }
 
 
-def message(values: Mapping[str, Any], record: Record) -> Any:  # noqa: ANN401 - rclpy carries no types
-    """Build a message from the result of :func:`conformed`."""
+def make_message(values: Mapping[str, Any], record: Record) -> Any:  # noqa: ANN401 - rclpy carries no types
+    """Build a message from the result of :func:`conform_value`."""
     made = record.make()
     for name, value in values.items():
         setattr(made, name, _message_value(value, record.fields[name]))
@@ -205,7 +207,7 @@ def message(values: Mapping[str, Any], record: Record) -> Any:  # noqa: ANN401 -
 def _message_value(value: Any, shape: Shape) -> Any:  # noqa: ANN401
     match shape:
         case Record():
-            return message(value, shape)
+            return make_message(value, shape)
         case ArrayShape():
             return [_message_value(each, shape.item) for each in value]
         case Scalar(octet=True):
@@ -304,14 +306,14 @@ def class_of(name: str) -> Any:  # noqa: ANN401 - rclpy carries no types
     return _load_type(name, "srv" if "/srv/" in name else "msg")
 
 
-def read(message: Any) -> dict[str, Any]:  # noqa: ANN401
+def read_fields(message: Any) -> dict[str, Any]:  # noqa: ANN401
     """Return the fields of a received message as plain data."""
     return {name: _plain_value(getattr(message, name)) for name in message.get_fields_and_field_types()}
 
 
 def _plain_value(value: Any) -> Any:  # noqa: ANN401
     if hasattr(value, "get_fields_and_field_types"):
-        return read(value)
+        return read_fields(value)
     if isinstance(value, bytes):
         return value[0] if len(value) == 1 else list(value)
     if isinstance(value, str | bool | int | float):

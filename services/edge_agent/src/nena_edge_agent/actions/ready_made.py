@@ -116,7 +116,7 @@ class OperationMaker:
         if self.context.ros is None:
             return self._without_ros(declaration, charging=operation.charging)
         steps = self._make_steps(parts, values, self.context.ros)
-        checked = replace(declaration, check=lambda action: steps.problem(values.of(action)))
+        checked = replace(declaration, check=lambda action: steps.problem(values.values_of(action)))
         return RosOperation(checked, steps, values, charging=operation.charging)
 
     def _without_ros(self, declaration: ActionDeclaration, *, charging: bool | None) -> ActionPlugin:

@@ -42,11 +42,11 @@ class ActionDrive:
         self._position_set: asyncio.Future[str] | None = None
         self._standstill: asyncio.Event = asyncio.Event()
 
-    def attach(self, driver: Driver) -> None:
+    def use_driver(self, driver: Driver) -> None:
         """Use ``driver`` for drives."""
         self._driver = driver
 
-    def observe(self, event: Event) -> None:
+    def observe_event(self, event: Event) -> None:
         """Handle an event of the driver."""
         match event:
             case PoseReport():
@@ -151,7 +151,7 @@ class LoadSensor:
         except UnknownTypeError as error:
             raise ConfigurationError([f"{PATH}.type: {error}"]) from error
         template = MessageTemplate(settings.loaded, shape, nothing, f"{PATH}.loaded", any_of=True)
-        self._loaded = template.filled({})
+        self._loaded = template.fill({})
         self._reported: bool | None = None
         self._reported_at = -inf
         self._put = put
@@ -176,7 +176,7 @@ class RobotPorts:
         self.drive = ActionDrive()
         self._sensor = settings.load_sensor
 
-    def joined(self, make_driver: DriverMaker) -> DriverMaker:
+    def observe_driver(self, make_driver: DriverMaker) -> DriverMaker:
         """Return a factory of drivers whose events these ports observe.
 
         It raises ConfigurationError if the load sensor's message does not match its type.
@@ -184,13 +184,13 @@ class RobotPorts:
 
         def make(put: Put, last_place: Pose | None) -> Driver:
             def on_event(event: Event) -> None:
-                self.drive.observe(event)
+                self.drive.observe_event(event)
                 put(event)
 
             if self._sensor and self.ros:
                 LoadSensor(self._sensor, self.ros, put)
             driver = make_driver(on_event, last_place)
-            self.drive.attach(driver)
+            self.drive.use_driver(driver)
             return driver
 
         return make

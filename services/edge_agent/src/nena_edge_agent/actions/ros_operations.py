@@ -17,10 +17,10 @@ from nena_edge_agent.actions.messages import (
     FieldError,
     Record,
     Shape,
-    conformed,
-    filled,
+    conform_value,
+    fill_template,
     matches,
-    problems,
+    shape_problems,
     template_problems,
     value_at,
 )
@@ -90,7 +90,7 @@ class ActionValues:
         """Return each value that replaces a choice in messages, with its parameter's name."""
         return ((each.key, value) for each in self._parameters for value in each.values.values())
 
-    def of(self, action: Action) -> dict[str, JsonValue]:
+    def values_of(self, action: Action) -> dict[str, JsonValue]:
         """Return the values of ``action``."""
         values: dict[str, JsonValue] = {ACTION_ID: action.action_id}
         for parameter in self._parameters:
@@ -124,24 +124,24 @@ class MessageTemplate:
         flaws = list(template_problems(fields, values.names, path))
         if not flaws:
             for variant in _alternatives_in(fields, shape) if any_of else [fields]:
-                flaws += problems(variant, shape, values.types, path)
+                flaws += shape_problems(variant, shape, values.types, path)
                 for name, value in values.mapped:
-                    flaws += problems(filled(variant, {name: value}), shape, {}, path)
+                    flaws += shape_problems(fill_template(variant, {name: value}), shape, {}, path)
         if flaws:
             raise ConfigurationError(list(dict.fromkeys(flaws)))
 
-    def filled(self, values: Mapping[str, JsonValue]) -> FieldValues:
+    def fill(self, values: Mapping[str, JsonValue]) -> FieldValues:
         """Return the fields with ``values`` inserted.
 
         Raises:
             FieldError: one of them does not fit its field.
 
         """
-        fields = filled(self._fields, values)
+        fields = fill_template(self._fields, values)
         if not isinstance(fields, dict):
             raise FieldError(self._path)
         for variant in _alternatives_in(fields, self._shape) if self._any_of else [fields]:
-            conformed(variant, self._shape, self._path)
+            conform_value(variant, self._shape, self._path)
         return fields
 
 
@@ -192,7 +192,7 @@ class Answer:
         """Return a description of what the action waits for."""
         return f"waits for {self._settings.topic}"
 
-    def check(self, values: Mapping[str, JsonValue]) -> None:
+    def check_values(self, values: Mapping[str, JsonValue]) -> None:
         """Check whether any message could match.
 
         Raises:
@@ -201,17 +201,19 @@ class Answer:
         """
         for template in (self._match, self._failed, self._in_progress):
             if template:
-                template.filled(values)
+                template.fill(values)
 
-    def expect(self, values: Mapping[str, JsonValue], progress: Progress) -> asyncio.Future[str | None]:
+    def expect_answer(
+        self, values: Mapping[str, JsonValue], progress: Progress
+    ) -> asyncio.Future[str | None]:
         """Return a future that the answer completes: with the result, or a WorkFailedError.
 
         On a latched topic, the last earlier message is used too.
         """
         answered: asyncio.Future[str | None] = asyncio.get_running_loop().create_future()
-        match = self._match.filled(values)
-        failed = self._failed.filled(values) if self._failed else None
-        in_progress = self._in_progress.filled(values) if self._in_progress else None
+        match = self._match.fill(values)
+        failed = self._failed.fill(values) if self._failed else None
+        in_progress = self._in_progress.fill(values) if self._in_progress else None
 
         def check_message(message: Fields) -> None:
             if answered.done():
@@ -274,17 +276,17 @@ class Call:
             settings.result if settings.result is not None else MESSAGE if MESSAGE in has else ""
         )
 
-    def check(self, values: Mapping[str, JsonValue]) -> None:
+    def check_values(self, values: Mapping[str, JsonValue]) -> None:
         """Check whether the request can be built.
 
         Raises:
             FieldError: a value does not fit its field.
 
         """
-        self._request.filled(values)
-        self._expected.filled(values)
+        self._request.fill(values)
+        self._expected.fill(values)
 
-    async def do(self, values: Mapping[str, JsonValue]) -> str | None:
+    async def call_service(self, values: Mapping[str, JsonValue]) -> str | None:
         """Call the service and return the action's result.
 
         Raises:
@@ -293,11 +295,11 @@ class Call:
             FieldError: a value does not fit its field.
         """
         response = await self._client.call(
-            self._request.filled(values), seconds=self._settings.response_timeout
+            self._request.fill(values), seconds=self._settings.response_timeout
         )
         result = value_at(response, self._result_path) if self._result_path else None
         text = None if result in (None, "") else str(result)
-        if not matches(response, self._expected.filled(values)):
+        if not matches(response, self._expected.fill(values)):
             message = text or f"{self._settings.service} reported failure"
             raise WorkFailedError(message)
         return text
@@ -333,7 +335,7 @@ class Command:
         self._resume = template(settings.on_resume, "on_resume")
         self._cancel = template(settings.on_cancel, "on_cancel")
 
-    def check(self, values: Mapping[str, JsonValue]) -> None:
+    def check_values(self, values: Mapping[str, JsonValue]) -> None:
         """Check whether every message can be built.
 
         Raises:
@@ -342,7 +344,7 @@ class Command:
         """
         for template in (self._begin, self._pause, self._resume, self._cancel):
             if template:
-                template.filled(values)
+                template.fill(values)
 
     async def wait_for_subscriber(self) -> None:
         """Wait until a node subscribes.
@@ -368,7 +370,7 @@ class Command:
             FieldError: a value does not fit its field.
 
         """
-        self._publisher.publish(self._begin.filled(values))
+        self._publisher.publish(self._begin.fill(values))
 
     def pause(self, values: Mapping[str, JsonValue]) -> None:
         """Publish the pause message, if configured; raises as :meth:`begin`."""
@@ -384,7 +386,7 @@ class Command:
 
     def _publish_template(self, template: MessageTemplate | None, values: Mapping[str, JsonValue]) -> None:
         if template is not None:
-            self._publisher.publish(template.filled(values))
+            self._publisher.publish(template.fill(values))
 
 
 log = get_logger(__name__)
@@ -406,7 +408,7 @@ class Steps:
         try:
             for step in (self.command, self.call, self.answer):
                 if step:
-                    step.check(values)
+                    step.check_values(values)
         except FieldError as error:
             return str(error)
         return None
@@ -430,7 +432,7 @@ class RosOperation:
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Start the steps."""
-        values = self._values.of(action)
+        values = self._values.values_of(action)
         return _Running(action.action_id, self._steps, values, report, charging=self._charging)
 
 
@@ -476,14 +478,14 @@ class _Running(BackgroundAction):
     async def _run_steps(self) -> str | None:
         """Run the steps; listen for the answer from before the first step, so that none is missed."""
         steps, result = self._steps, None
-        answered = steps.answer.expect(self._values, self._report_progress) if steps.answer else None
+        answered = steps.answer.expect_answer(self._values, self._report_progress) if steps.answer else None
         try:
             if steps.command:
                 await self._resumed.wait()
                 steps.command.begin(self._values)
                 self._commanded = True
             if steps.call:
-                result = await steps.call.do(self._values)
+                result = await steps.call.call_service(self._values)
             if steps.answer and answered:
                 self._report_progress(steps.answer.words)
                 result = await answered

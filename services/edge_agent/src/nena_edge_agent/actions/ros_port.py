@@ -19,10 +19,10 @@ from nena_edge_agent.actions.messages import (
     UnknownTypeError,
     action_type,
     class_of,
-    conformed,
-    message,
+    conform_value,
+    make_message,
     message_type,
-    read,
+    read_fields,
     service_type,
 )
 from nena_edge_agent.actions.plugin import (
@@ -217,7 +217,7 @@ class _Subscription:
             self._kind,
             self._topic,
             profiles[self._qos],
-            read=read,
+            read=read_fields,
             handle=self._on_message,
             limit=MESSAGES_WAITING,
         )
@@ -253,7 +253,7 @@ class _Client:
         if response is None:
             text = f"the service {self._service} did not answer within {seconds:g} s"
             raise RosError(text)
-        return read(response)
+        return read_fields(response)
 
 
 class _Action:
@@ -321,7 +321,7 @@ class _Action:
         except RosError:
             await self._cancel_goal(session, goal_id)
             raise
-        result, missing = {} if answer is None else read(answer.result), ""
+        result, missing = {} if answer is None else read_fields(answer.result), ""
         if answer is None:
             missing = (
                 f"its result did not arrive: compare the version of {self._package} on this computer with "
@@ -422,6 +422,6 @@ def installed(find: Callable[[str], T], name: str) -> T:
 
 def _make_message(fields: Mapping[str, JsonValue], shape: Record, path: str) -> Any:  # noqa: ANN401
     try:
-        return message(conformed(dict(fields), shape, path), shape)
+        return make_message(conform_value(dict(fields), shape, path), shape)
     except FieldError as error:
         raise RosError(str(error)) from error

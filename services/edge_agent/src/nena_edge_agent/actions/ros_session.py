@@ -46,7 +46,7 @@ class SessionSwitch:
         """Return the namespace and domain with which the robot starts."""
         return self.store.read(self.settings) if self.store else RosAddress.of(self.settings)
 
-    def attach(self, manager: SessionManager) -> None:
+    def use_session(self, manager: SessionManager) -> None:
         """Use the session of a newly created driver."""
         self._manager = manager
 

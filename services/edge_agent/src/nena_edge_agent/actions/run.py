@@ -104,7 +104,7 @@ class Run:
     def start(self, loads: tuple[Load, ...]) -> None:
         """Start the action."""
         text = f"the plug-in did not report its start within {self._timeouts.begin:g} s"
-        self._expect_report(self._timeouts.begin, lambda: self._fail(text))
+        self._expect_report(self._timeouts.begin, lambda: self._fail_action(text))
         self._isolate_errors(lambda: self._begin_action(loads))
 
     def pause(self) -> None:
@@ -125,10 +125,10 @@ class Run:
     def cancel(self) -> None:
         """Cancel the action; if the plug-in does not in time, the action fails anyway."""
         if self._running is None:
-            self._fail("cancelled")
+            self._fail_action("cancelled")
             return
         text = f"the plug-in did not cancel within {self._timeouts.obey:g} s; check the robot"
-        self._expect_report(self._timeouts.obey, lambda: self._fail(text))
+        self._expect_report(self._timeouts.obey, lambda: self._fail_action(text))
         self._isolate_errors(self._running.cancel)
 
     def abandon(self) -> None:
@@ -137,7 +137,7 @@ class Run:
             self._end_action()
             self._cancel_quietly()
 
-    def take(self, report: ActionReport) -> None:
+    def take_report(self, report: ActionReport) -> None:
         """Handle a report of the plug-in, from any thread."""
         if threading.get_ident() == self._thread:
             self._accept_report(report)
@@ -148,7 +148,7 @@ class Run:
             self._log.debug("the event loop ended before the plug-in")
 
     def _begin_action(self, loads: tuple[Load, ...]) -> None:
-        running = self._plugin.start(self._action, loads, self.take)
+        running = self._plugin.start(self._action, loads, self.take_report)
         if self.ended:
             return
         self._running = running
@@ -157,13 +157,13 @@ class Run:
         ]
         if missing:
             self._running = None
-            self._fail(f"start of the plug-in returned an object without {', '.join(missing)}")
+            self._fail_action(f"start of the plug-in returned an object without {', '.join(missing)}")
 
     def _accept_report(self, report: ActionReport) -> None:
         if self.ended:
             self._log.warning("ignored a report after the end of an action", report=repr(report))
         elif flaw := report_problem(report, self._action.action_id):
-            self._fail(f"the plug-in reported {flaw}")
+            self._fail_action(f"the plug-in reported {flaw}")
         elif report.status is ActionStatus.FAILED:
             self._end_action()
             self._send_report(replace(report, result=report.result or "the plug-in reported no reason"))
@@ -174,22 +174,22 @@ class Run:
             self._continue_action(report)
 
     def _continue_action(self, report: ActionReport) -> None:
-        before, self._status = self._status, report.status
+        previous, self._status = self._status, report.status
         self._last_result = report.result or self._last_result
-        if report.status is before is ActionStatus.RUNNING:
-            self._progress.take(report)
+        if report.status is previous is ActionStatus.RUNNING:
+            self._progress.update_report(report)
             return
-        self._progress.drop()
-        if before is ActionStatus.INITIALIZING or report.status is ActionStatus.PAUSED:
+        self._progress.drop_report()
+        if previous is ActionStatus.INITIALIZING or report.status is ActionStatus.PAUSED:
             self._stop_waiting()
-        self._limit.run(on=report.status is ActionStatus.RUNNING)
+        self._limit.switch(on=report.status is ActionStatus.RUNNING)
         self._send_report(report)
 
     def _over_time(self) -> None:
         last = f"; last progress: {self._last_result}" if self._last_result else ""
-        self._fail(f"the action took longer than {self._plugin.declaration.timeout:g} s{last}")
+        self._fail_action(f"the action took longer than {self._plugin.declaration.timeout:g} s{last}")
 
-    def _fail(self, reason: str) -> None:
+    def _fail_action(self, reason: str) -> None:
         if not self.ended:
             self._end_action()
             self._send_report(self._report_of(ActionStatus.FAILED, reason))
@@ -211,8 +211,8 @@ class Run:
     def _end_action(self) -> None:
         self.ended = True
         self._stop_waiting()
-        self._progress.drop()
-        self._limit.run(on=False)
+        self._progress.drop_report()
+        self._limit.switch(on=False)
 
     def _send_report(self, report: ActionReport) -> None:
         if report.result is not None and len(report.result) > MAXIMUM_RESULT:
@@ -224,7 +224,7 @@ class Run:
             step()
         except Exception as error:
             log.exception("an action plug-in failed", action=self._action.action_id)
-            self._fail(f"the plug-in failed: {str(error) or type(error).__name__}")
+            self._fail_action(f"the plug-in failed: {str(error) or type(error).__name__}")
 
     def _expect_report(self, seconds: float, otherwise: Callable[[], None]) -> None:
         self._stop_waiting()
@@ -245,23 +245,23 @@ class _Progress:
         self._sent_at = -inf
         self._timer: asyncio.TimerHandle | None = None
 
-    def take(self, report: ActionReport) -> None:
+    def update_report(self, report: ActionReport) -> None:
         """Send the report now, or replace the waiting one."""
-        self.drop()
+        self.drop_report()
         due = self._sent_at + PROGRESS_INTERVAL
         if due <= self._loop.time():
             self._send_now(report)
         else:
             self._timer = self._loop.call_at(due, self._send_now, report)
 
-    def drop(self) -> None:
+    def drop_report(self) -> None:
         """Drop the waiting report."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
     def _send_now(self, report: ActionReport) -> None:
-        self.drop()
+        self.drop_report()
         self._sent_at = self._loop.time()
         self._send_report(report)
 
@@ -277,7 +277,7 @@ class _Stopwatch:
         self._over = over
         self._timer: asyncio.TimerHandle | None = None
 
-    def run(self, *, on: bool) -> None:
+    def switch(self, *, on: bool) -> None:
         """Start or stop; repeated calls have no effect."""
         if on and self._timer is None and self._left is not None:
             self._timer = self._loop.call_later(self._left, self._over)
@@ -303,10 +303,10 @@ class ActionRunner:
         action = effect.action
         plugin = self._registry.plugin(action.action_type)
         if plugin is None:
-            self._fail(action.action_id, f"this robot no longer has the action '{action.action_type}'")
+            self._fail_action(action.action_id, f"this robot no longer has the action '{action.action_type}'")
             return
-        if before := self._runs.pop(action.action_id, None):
-            before.abandon()
+        if earlier_run := self._runs.pop(action.action_id, None):
+            earlier_run.abandon()
         run = Run(action, plugin, self._on_report, self._timeouts)
         self._runs[action.action_id] = run
         run.start(effect.loads)
@@ -326,7 +326,7 @@ class ActionRunner:
         if run := self._runs.get(effect.action_id):
             run.cancel()
         else:
-            self._fail(effect.action_id, "the action was not running")
+            self._fail_action(effect.action_id, "the action was not running")
 
     def close(self) -> None:
         """Cancel all actions without reports: the agent exits, and the journal has the running ones."""
@@ -339,5 +339,5 @@ class ActionRunner:
             self._runs.pop(report.action_id, None)
         self._report(report)
 
-    def _fail(self, action_id: str, reason: str) -> None:
+    def _fail_action(self, action_id: str, reason: str) -> None:
         self._report(ActionReport(action_id, ActionStatus.FAILED, reason))

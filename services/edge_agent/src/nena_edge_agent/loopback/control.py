@@ -232,7 +232,7 @@ AnyCommand = (
 _parser: TypeAdapter[AnyCommand] = TypeAdapter(Annotated[AnyCommand, Field(discriminator="command")])
 
 
-def parse(payload: bytes) -> AnyCommand:
+def parse_command(payload: bytes) -> AnyCommand:
     """Read a command from JSON.
 
     Raises:
@@ -264,7 +264,7 @@ class SimulationControl:
         self._robot: _Robot | None = None
         self._cut_link = cut_link
 
-    def attach(self, driver: LoopbackDriver, put: Callable[[Event], None]) -> None:
+    def use_driver(self, driver: LoopbackDriver, put: Callable[[Event], None]) -> None:
         """Control the robot of ``driver``; ``put`` sends events to its core."""
         self._robot = _Robot(driver, put, SafetyReport())
 
@@ -273,7 +273,7 @@ class SimulationControl:
         if self._robot:
             self._robot.driver.set_charging(charging=charging)
 
-    def apply(self, command: AnyCommand) -> None:  # noqa: C901, PLR0912 - a case for each command
+    def apply_command(self, command: AnyCommand) -> None:  # noqa: C901, PLR0912 - a case for each command
         """Apply ``command``.
 
         Raises:
@@ -381,7 +381,7 @@ def _execute_message(control: SimulationControl, message: Inbound) -> tuple[str,
     if len(message.payload) > MAXIMUM_PAYLOAD:
         return (f"the command is longer than {MAXIMUM_PAYLOAD} bytes",)
     try:
-        control.apply(parse(message.payload))
+        control.apply_command(parse_command(message.payload))
     except CommandRefusedError as refused:
         return refused.problems
     return ()

@@ -25,29 +25,29 @@ class SimulatedBattery:
         self._charged_at: float | None = None
 
     @property
-    def charging(self) -> bool:
+    def is_charging(self) -> bool:
         """Return whether the battery is charging."""
         return self._charged_at is not None
 
-    def level(self, now: float) -> float:
+    def level_at(self, now: float) -> float:
         """Return the state of charge at the time ``now``."""
         if self._charged_at is not None:
             self._charge_level = min(FULL, self._charge_level + (now - self._charged_at) * self._rate)
             self._charged_at = now
         return self._charge_level
 
-    def drive(self, metres: float) -> None:
+    def drain_by(self, metres: float) -> None:
         """Drain the battery by driving ``metres``."""
         self._charge_level = max(0.0, self._charge_level - self._drain * metres)
 
-    def switch(self, now: float, *, charging: bool) -> None:
+    def switch_charging(self, now: float, *, charging: bool) -> None:
         """Start or stop charging."""
-        self.level(now)
+        self.level_at(now)
         self._charged_at = now if charging else None
 
     def set_level(self, now: float, charge: float) -> None:
         """Set the state of charge to ``charge`` percent at the time ``now``."""
-        self.level(now)
+        self.level_at(now)
         self._charge_level = charge
 
 
@@ -75,7 +75,7 @@ class Motion:
         """Return the time of arrival, monotonic, s."""
         return self.begin + self._first_turn_time + self._line_time + abs(self._last_turn) / self.rate
 
-    def at(self, now: float) -> tuple[port.Pose, float, float]:
+    def motion_at(self, now: float) -> tuple[port.Pose, float, float]:
         """Return pose, speed (m/s) and turning rate (rad/s) at the monotonic time ``now``, s."""
         elapsed = max(0.0, now - self.begin)
         if elapsed < self._first_turn_time:
@@ -134,7 +134,7 @@ class Braking:
         """Return the time of standstill, monotonic, s."""
         return self.begin + 2 * self.distance / self.speed
 
-    def at(self, now: float) -> tuple[port.Pose, float, float]:
+    def motion_at(self, now: float) -> tuple[port.Pose, float, float]:
         """Return pose, speed (m/s) and turning rate (rad/s) at the monotonic time ``now``, s."""
         left = max(0.0, (self.end - now) / (self.end - self.begin)) if now > self.begin else 1.0
         along = self.distance * (1 - left**2)
@@ -143,12 +143,12 @@ class Braking:
         return port.Pose(x, y, heading, self.start.map_id), self.speed * left, 0.0
 
 
-def braking(motion: Motion, now: float, deceleration: float) -> Braking | None:
+def plan_braking(motion: Motion, now: float, deceleration: float) -> Braking | None:
     """Return how a robot in ``motion`` stops at ``deceleration``, m/s²; None: at once.
 
     The robot never drives beyond its goal: close to it, it brakes harder.
     """
-    pose, speed, _ = motion.at(now)
+    pose, speed, _ = motion.motion_at(now)
     if not speed or not deceleration:
         return None
     left = dist((pose.x, pose.y), (motion.goal.x, motion.goal.y))
@@ -207,7 +207,7 @@ class LoopbackDriver:
         self._stop_charge_timer()
 
     @property
-    def moving(self) -> bool:
+    def is_moving(self) -> bool:
         """Return whether the robot drives, turns or brakes."""
         return self._motion is not None
 
@@ -225,7 +225,7 @@ class LoopbackDriver:
             # As from Nav2: no answer arrives before go_to has returned.
             asyncio.get_running_loop().call_soon(self._emit, failure)
             return
-        if self._battery.charging:
+        if self._battery.is_charging:
             self.set_charging(charging=False)
         self._goal = goal
         self._motion = Motion(
@@ -243,7 +243,7 @@ class LoopbackDriver:
         if isinstance(self._motion, Braking):
             return  # it confirms the halt at standstill
         motion, now = self._motion, self._clock.monotonic()
-        braking_motion = braking(motion, now, self._settings.deceleration) if motion else None
+        braking_motion = plan_braking(motion, now, self._settings.deceleration) if motion else None
         self._stop_here()
         if braking_motion is None:
             asyncio.get_running_loop().call_soon(self._confirm_halt)
@@ -326,7 +326,7 @@ class LoopbackDriver:
     def set_charging(self, *, charging: bool) -> None:
         """Start or stop charging."""
         self._stop_charge_timer()
-        self._battery.switch(self._clock.monotonic(), charging=charging)
+        self._battery.switch_charging(self._clock.monotonic(), charging=charging)
         self._report_battery()
         self._wait_for_charge()
 
@@ -347,8 +347,8 @@ class LoopbackDriver:
     def _move_along(self, motion: Motion | Braking) -> tuple[float, float]:
         """Move the robot along ``motion``; return speed and turning rate."""
         start = self._pose
-        self._pose, vx, omega = motion.at(self._clock.monotonic())
-        self._battery.drive(dist((start.x, start.y), (self._pose.x, self._pose.y)))
+        self._pose, vx, omega = motion.motion_at(self._clock.monotonic())
+        self._battery.drain_by(dist((start.x, start.y), (self._pose.x, self._pose.y)))
         return vx, omega
 
     def _await_step(self) -> None:
@@ -375,7 +375,7 @@ class LoopbackDriver:
         self._await_step()
 
     def _wait_for_charge(self) -> None:
-        if self._battery.charging and self._charge_level < FULL:
+        if self._battery.is_charging and self._charge_level < FULL:
             delay = BATTERY_STEP / self._settings.charge_rate
             self._charge_timer = asyncio.get_running_loop().call_later(delay, self._report_charge)
 
@@ -391,7 +391,7 @@ class LoopbackDriver:
 
     @property
     def _charge_level(self) -> float:
-        return self._battery.level(self._clock.monotonic())
+        return self._battery.level_at(self._clock.monotonic())
 
     def _confirm_halt(self) -> None:
         self._report_pose(0.0, 0.0)
@@ -406,4 +406,6 @@ class LoopbackDriver:
 
     def _report_battery(self) -> None:
         self._reported_charge = self._charge_level
-        self._emit(port.BatteryReport(state_of_charge=self._reported_charge, charging=self._battery.charging))
+        self._emit(
+            port.BatteryReport(state_of_charge=self._reported_charge, charging=self._battery.is_charging)
+        )

@@ -69,9 +69,9 @@ async def test_an_order_may_set_the_distance_within_limits() -> None:
 
 async def test_a_paused_drive_continues_to_the_same_pose() -> None:
     drive, driver = ActionDrive(), ScriptedDriver()
-    driver.on_halt = lambda: drive.observe(Halted())
-    drive.attach(driver)
-    drive.observe(PoseReport(Pose(0.0, 0.0, 0.0, "hall"), localized=True))
+    driver.on_halt = lambda: drive.observe_event(Halted())
+    drive.use_driver(driver)
+    drive.observe_event(PoseReport(Pose(0.0, 0.0, 0.0, "hall"), localized=True))
     settings = DockOperationSettings(kind="dock", action_type="dock", forward=1.0)
     reports: list[ActionReport] = []
     running = Docking(settings, drive).start(action("a", "HARD", "dock"), (), reports.append)
@@ -80,11 +80,11 @@ async def test_a_paused_drive_continues_to_the_same_pose() -> None:
     running.pause()
     await until(lambda: reports[-1].status is ActionStatus.PAUSED)
     assert driver.halts == 1
-    drive.observe(PoseReport(Pose(0.4, 0.0, 0.0, "hall"), localized=True))
+    drive.observe_event(PoseReport(Pose(0.4, 0.0, 0.0, "hall"), localized=True))
     running.resume()
     await until(lambda: len(driver.goals) == 2)
     assert driver.goals[1].pose == driver.goals[0].pose
-    drive.observe(Arrived(driver.goals[1].generation))
+    drive.observe_event(Arrived(driver.goals[1].generation))
     await until(lambda: reports[-1].status is ActionStatus.FINISHED)
 
     assert [each.status.value for each in reports] == ["RUNNING", "PAUSED", "RUNNING", "FINISHED"]
@@ -93,8 +93,8 @@ async def test_a_paused_drive_continues_to_the_same_pose() -> None:
 @pytest.mark.parametrize("held", [True, False])
 async def test_a_cancelled_drive_is_reported_at_standstill(*, held: bool) -> None:
     drive, driver = ActionDrive(), ScriptedDriver()
-    drive.attach(driver)
-    drive.observe(PoseReport(Pose(0.0, 0.0, 0.0, "hall"), localized=True))
+    drive.use_driver(driver)
+    drive.observe_event(PoseReport(Pose(0.0, 0.0, 0.0, "hall"), localized=True))
     settings = DockOperationSettings(kind="dock", action_type="dock")
     reports: list[ActionReport] = []
     running = Docking(settings, drive).start(action("a", "HARD", "dock"), (), reports.append)
@@ -102,12 +102,12 @@ async def test_a_cancelled_drive_is_reported_at_standstill(*, held: bool) -> Non
     if held:
         running.pause()
         await until(lambda: driver.halts)
-        drive.observe(Halted())
+        drive.observe_event(Halted())
         await until(lambda: reports[-1].status is ActionStatus.PAUSED)
     running.cancel()
     await until(lambda: driver.halts)
     assert not reports[-1].status.ended
-    drive.observe(Halted())
+    drive.observe_event(Halted())
     await until(lambda: reports[-1].status.ended)
 
     assert reports[-1].result == "cancelled"

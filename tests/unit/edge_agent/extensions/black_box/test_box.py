@@ -52,13 +52,13 @@ def topics(path: Path) -> dict[str, list[bytes]]:
 async def test_a_failed_drive_is_written_with_messages_journal_and_log(tmp_path: Path) -> None:
     log.configure(LogSettings())
     box = make_box(tmp_path / "recordings")
-    box.record(TOPIC, b'{"headerId":1}')
+    box.record_message(TOPIC, b'{"headerId":1}')
     journal = Journal(tmp_path / "journal", ROBOT, on_record=box.record_journal)
     journal.read()
     journal.write(record_of(Bench().core.memory()))
     log.get_logger("nena.example").warning("wheel slips")
 
-    box.note(FAILED, Bench().core.robot.errors.entries)
+    box.handle_event(FAILED, Bench().core.robot.errors.entries)
     task = asyncio.create_task(box.run())
     path = await until(lambda: next((tmp_path / "recordings").glob("*.mcap"), None))
     task.cancel()
@@ -100,10 +100,10 @@ async def test_a_failing_disk_does_not_end_the_black_box(tmp_path: Path) -> None
     box = make_box(place, interval=0.0)
     failed, robot = DriveFailed(1, DriveFailure.ABORTED, "no path"), Bench().core.robot
     task = asyncio.create_task(box.run())
-    box.note(failed, robot.errors.entries)
+    box.handle_event(failed, robot.errors.entries)
     await until(lambda: any("recording not written" in each for each in log.recent_lines()))
     place.unlink()
-    box.note(failed, robot.errors.entries)
+    box.handle_event(failed, robot.errors.entries)
     await until(lambda: next(place.glob("*.mcap"), None))
     task.cancel()
 
@@ -122,7 +122,7 @@ def an_error(level: ErrorLevel, kind: str = "broken") -> ErrorEntry:
 
 def reasons(*events: Event) -> list[Trigger | None]:
     triggers = Triggers()
-    return [triggers.note(each, ()) for each in events]
+    return [triggers.check_event(each, ()) for each in events]
 
 
 def test_a_failed_drive_starts_a_recording() -> None:
@@ -143,9 +143,9 @@ def test_serious_errors_start_one_when_they_appear() -> None:
     warning, fatal = an_error(ErrorLevel.WARNING), an_error(ErrorLevel.FATAL, "motor")
     critical = an_error(ErrorLevel.CRITICAL, "lift")
 
-    assert triggers.note(QUIET, (warning,)) is None
-    assert triggers.note(QUIET, (warning, fatal)) is Trigger.ERROR
-    assert triggers.note(QUIET, (warning, fatal)) is None
-    assert triggers.note(QUIET, (fatal, critical)) is Trigger.ERROR
-    assert triggers.note(QUIET, ()) is None
-    assert triggers.note(QUIET, (fatal,)) is Trigger.ERROR
+    assert triggers.check_event(QUIET, (warning,)) is None
+    assert triggers.check_event(QUIET, (warning, fatal)) is Trigger.ERROR
+    assert triggers.check_event(QUIET, (warning, fatal)) is None
+    assert triggers.check_event(QUIET, (fatal, critical)) is Trigger.ERROR
+    assert triggers.check_event(QUIET, ()) is None
+    assert triggers.check_event(QUIET, (fatal,)) is Trigger.ERROR

@@ -140,7 +140,7 @@ async def test_a_partly_written_map_is_not_listed(tmp_path: Path) -> None:
 def test_the_configured_map_is_enabled_after_an_interrupted_first_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for step in ("_write", "_mark"):
+    for step in ("_write_map", "_mark_enabled"):
         with monkeypatch.context() as interrupted:
             interrupted.setattr(FolderMapStore, step, _interrupted)
             with pytest.raises(KeyboardInterrupt):

@@ -27,7 +27,7 @@ class Traced:
 
         def handled(event: Event, now: float) -> tuple[Effect, ...]:
             effects = handle(event, now)
-            self.tracer.note(event, effects, self.bench.core.robot)
+            self.tracer.handle_event(event, effects, self.bench.core.robot)
             self.clock.advance(1.0)
             return effects
 

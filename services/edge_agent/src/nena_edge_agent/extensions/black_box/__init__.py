@@ -79,12 +79,12 @@ class BlackBoxes(Extension):
     def on_event(self, robot: Robot, event: Event, effects: Iterable[Effect], state: RobotState) -> None:  # noqa: ARG002 - the interface
         """Start a recording after a failure."""
         if box := self._boxes.get(robot.key):
-            box.note(event, state.errors.entries)
+            box.handle_event(event, state.errors.entries)
 
     def on_message(self, robot: Robot, message: Inbound | Outbound) -> None:
         """Record a message."""
         if box := self._boxes.get(robot.key):
-            box.record(message.topic, message.payload, own=isinstance(message, Outbound))
+            box.record_message(message.topic, message.payload, own=isinstance(message, Outbound))
 
     def on_record(self, robot: Robot, record: bytes) -> None:
         """Record the journal."""

@@ -44,7 +44,7 @@ class Triggers:
         self._stopped = False
         self._errors: tuple[ErrorEntry, ...] = ()
 
-    def note(self, event: events.Event, errors: tuple[ErrorEntry, ...]) -> Trigger | None:
+    def check_event(self, event: events.Event, errors: tuple[ErrorEntry, ...]) -> Trigger | None:
         """Handle an event and the robot's active errors after it; return why to record, if at all."""
         found = self._new_error(errors)
         match event:
@@ -74,7 +74,7 @@ class RobotBlackBox(BlackBox):
         self._received: dict[str, Channel] = {}
         self._triggers = Triggers()
 
-    def record(self, topic: str, payload: bytes, *, own: bool = True) -> None:
+    def record_message(self, topic: str, payload: bytes, *, own: bool = True) -> None:
         """Record a message of VDA 5050; ``own``: the agent has made it."""
         channels = self._sent if own else self._received
         channel = channels.get(topic)
@@ -86,9 +86,9 @@ class RobotBlackBox(BlackBox):
         """Record a record of the robot's journal; called in the thread that writes it."""
         self.ring.add(JOURNAL, record, self._clock.monotonic())
 
-    def note(self, event: events.Event, errors: tuple[ErrorEntry, ...]) -> None:
+    def handle_event(self, event: events.Event, errors: tuple[ErrorEntry, ...]) -> None:
         """Handle an event of the robot, and its active errors after it: a failure starts a recording."""
-        if reason := self._triggers.note(event, errors):
+        if reason := self._triggers.check_event(event, errors):
             self.fail(reason)
 
 

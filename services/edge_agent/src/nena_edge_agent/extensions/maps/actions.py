@@ -17,7 +17,7 @@ from nena_edge_agent.actions.plugin import (
 )
 from nena_edge_agent.download import DownloadError, DownloadSettings, download
 from nena_edge_agent.driver.port import Pose
-from nena_edge_agent.extensions.maps.store import DuplicateMapError, MapRefusedError, MapStore, find
+from nena_edge_agent.extensions.maps.store import DuplicateMapError, MapRefusedError, MapStore, find_map
 from nena_edge_agent.protocol.declaration import (
     DELETE_MAP,
     DOWNLOAD_MAP,
@@ -54,7 +54,7 @@ def map_actions(
     lock = asyncio.Lock()
 
     async def fetch(map_id: str, map_version: str, action: Action) -> None:
-        if find(store.maps, map_id, map_version):
+        if find_map(store.maps, map_id, map_version):
             raise DuplicateMapError(map_id, map_version)
         digest = action.parameter(MAP_HASH)
         link = str(action.parameter(MAP_LINK))

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from nena_edge_agent.extensions.maps.store import CONTENT, FolderMapStore, MapRefusedError, find
+from nena_edge_agent.extensions.maps.store import CONTENT, FolderMapStore, MapRefusedError, find_map
 from nena_edge_agent.nav2.map_server import MapNotLoadedError, MapServer, MapUser
 from nena_shared.program import StartError
 from nena_shared.vda5050.state import Map
@@ -39,7 +39,7 @@ class Nav2MapStore(FolderMapStore):
         self._first_id = first.map_id
         self._server: MapServer | None = None
         super().__init__(folder, first, maximum=maximum)
-        if self._current is None and find(self.maps, first.map_id, first.map_version):
+        if self._current_map is None and find_map(self.maps, first.map_id, first.map_version):
             self._mark_first(first)  # the folder is from another store
 
     @property
@@ -55,10 +55,12 @@ class Nav2MapStore(FolderMapStore):
 
     def _enabled_map(self) -> tuple[str, str]:
         """Return the ID and the file of the enabled map; the robot's first map has no file here."""
-        current = next((each for each in self.maps if self._current == (each.map_id, each.map_version)), None)
+        current = next(
+            (each for each in self.maps if self._current_map == (each.map_id, each.map_version)), None
+        )
         if current is None:
             return self._first_id, ""
-        return current.map_id, self._file(current.map_id, current.map_version)
+        return current.map_id, self._description_file(current.map_id, current.map_version)
 
     async def install(self, map_id: str, map_version: str, content: bytes) -> None:
         """Store a new map, DISABLED.
@@ -67,7 +69,7 @@ class Nav2MapStore(FolderMapStore):
             MapRefusedError: it is not a Nav2 map, it already exists, the maximum number of maps is stored, or
                 the disk fails.
         """
-        await asyncio.to_thread(_unpacked, content)
+        await asyncio.to_thread(_read_bundle, content)
         await super().install(map_id, map_version, content)
 
     async def enable(self, map_id: str, map_version: str) -> None:
@@ -76,7 +78,7 @@ class Nav2MapStore(FolderMapStore):
         Raises:
             MapRefusedError: it is not stored, or map_server does not accept it.
         """
-        self._expect(map_id, map_version)
+        self._require_map(map_id, map_version)
         if self._is_foreign(map_id, map_version):
             message = (
                 f"map '{map_id}' in version '{map_version}' was not stored for map_server: delete and "
@@ -90,8 +92,10 @@ class Nav2MapStore(FolderMapStore):
         placed = not server.unplaced
         try:
             if map_id != server.map_id:
-                self._put(self._folder / UNPLACED, b"")  # first, because a restart may happen at any time
-            await server.use(map_id, self._file(map_id, map_version))
+                self._write_file(
+                    self._folder / UNPLACED, b""
+                )  # first, because a restart may happen at any time
+            await server.use(map_id, self._description_file(map_id, map_version))
         except MapNotLoadedError as error:
             if placed:
                 server.placed()
@@ -101,46 +105,46 @@ class Nav2MapStore(FolderMapStore):
             raise MapRefusedError(message) from error
         await super().enable(map_id, map_version)
 
-    def _files(self, content: bytes) -> Mapping[str, bytes]:
+    def _files_of(self, content: bytes) -> Mapping[str, bytes]:
         if not content:
             return {CONTENT: b""}
-        bundle = _unpacked(content)
+        bundle = _read_bundle(content)
         return {DESCRIPTION: bundle.description.encode(), bundle.image_name: bundle.image}
 
     def _mark_first(self, first: Map) -> None:
         try:
-            self._mark(first.map_id, first.map_version)
+            self._mark_enabled(first.map_id, first.map_version)
         except OSError as error:
             message = f"the maps' folder {self._folder} cannot be used: {error.strerror}; set maps.folder"
             raise StartError(message) from error
-        self.maps = self._read()
+        self.maps = self._read_maps()
 
     def _is_foreign(self, map_id: str, map_version: str) -> bool:
         """Return whether another store has written this map: it has content but no description."""
-        place = self._place(map_id, map_version)
+        place = self._map_folder(map_id, map_version)
         content = place / CONTENT
         return not (place / DESCRIPTION).exists() and content.exists() and content.stat().st_size > 0
 
-    def _file(self, map_id: str, map_version: str) -> str:
-        path = self._place(map_id, map_version) / DESCRIPTION
+    def _description_file(self, map_id: str, map_version: str) -> str:
+        path = self._map_folder(map_id, map_version) / DESCRIPTION
         return str(path.absolute()) if path.exists() else ""
 
     @property
-    def _current(self) -> tuple[str, str] | None:
+    def _current_map(self) -> tuple[str, str] | None:
         try:
             map_id, map_version = json.loads((self._folder / CURRENT).read_bytes())
         except (OSError, ValueError, TypeError):
             return None
         return str(map_id), str(map_version)
 
-    def _mark(self, map_id: str, map_version: str) -> None:
-        self._put(self._folder / CURRENT, json.dumps([map_id, map_version]).encode())
+    def _mark_enabled(self, map_id: str, map_version: str) -> None:
+        self._write_file(self._folder / CURRENT, json.dumps([map_id, map_version]).encode())
 
     def _is_enabled(self, map_id: str, map_version: str) -> bool:
-        return self._current == (map_id, map_version)
+        return self._current_map == (map_id, map_version)
 
 
-def _unpacked(content: bytes) -> MapBundle:
+def _read_bundle(content: bytes) -> MapBundle:
     """Read an archive; the modules for archives are only imported when needed.
 
     Raises:

@@ -25,7 +25,7 @@ class DuplicateMapError(MapRefusedError):
         super().__init__(f"the robot already has map '{map_id}' in version '{map_version}'")
 
 
-def find(maps: Iterable[Map], map_id: str, map_version: str) -> Map | None:
+def find_map(maps: Iterable[Map], map_id: str, map_version: str) -> Map | None:
     """Return the map with this ID and version, None if there is none."""
     return next((each for each in maps if (each.map_id, each.map_version) == (map_id, map_version)), None)
 
@@ -83,10 +83,12 @@ class FolderMapStore:
         self._maximum = maximum
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            if not self._read():
-                self._mark(first.map_id, first.map_version)  # first, because the mark alone is not a map
-                self._write(first.map_id, first.map_version, b"")
-            self.maps = self._read()
+            if not self._read_maps():
+                self._mark_enabled(
+                    first.map_id, first.map_version
+                )  # first, because the mark alone is not a map
+                self._write_map(first.map_id, first.map_version, b"")
+            self.maps = self._read_maps()
         except OSError as error:
             message = f"the maps' folder {folder} cannot be used: {error.strerror}; set maps.folder"
             raise StartError(message) from error
@@ -97,17 +99,17 @@ class FolderMapStore:
         Raises:
             MapRefusedError: it already exists, the maximum number of maps is stored, or the disk fails.
         """
-        if find(self.maps, map_id, map_version):
+        if find_map(self.maps, map_id, map_version):
             raise DuplicateMapError(map_id, map_version)
         if len(self.maps) >= self._maximum:
             message = f"the robot has {self._maximum} maps; delete one first"
             raise MapRefusedError(message)
         try:
-            await asyncio.to_thread(self._write, map_id, map_version, content)
+            await asyncio.to_thread(self._write_map, map_id, map_version, content)
         except OSError as error:
             message = f"the map was not written: {error.strerror}"
             raise MapRefusedError(message) from error
-        self.maps = self._read()
+        self.maps = self._read_maps()
 
     async def enable(self, map_id: str, map_version: str) -> None:
         """Enable this version, and disable the other versions of the mapId.
@@ -115,9 +117,9 @@ class FolderMapStore:
         Raises:
             MapRefusedError: it does not exist.
         """
-        self._expect(map_id, map_version)
-        self._mark(map_id, map_version)
-        self.maps = self._read()
+        self._require_map(map_id, map_version)
+        self._mark_enabled(map_id, map_version)
+        self.maps = self._read_maps()
 
     async def delete(self, map_id: str, map_version: str) -> None:
         """Delete a map.
@@ -125,63 +127,63 @@ class FolderMapStore:
         Raises:
             MapRefusedError: it does not exist, or is enabled.
         """
-        if self._expect(map_id, map_version).map_status is MapStatus.ENABLED:
+        if self._require_map(map_id, map_version).map_status is MapStatus.ENABLED:
             message = f"map '{map_id}' is enabled in version '{map_version}'; enable another version first"
             raise MapRefusedError(message)
-        await asyncio.to_thread(self._remove, map_id, map_version)
-        self.maps = self._read()
+        await asyncio.to_thread(self._remove_map, map_id, map_version)
+        self.maps = self._read_maps()
 
     def content(self, map_id: str, map_version: str) -> bytes:
         """Return the installed content; empty for the robot's first map."""
-        return (self._place(map_id, map_version) / CONTENT).read_bytes()
+        return (self._map_folder(map_id, map_version) / CONTENT).read_bytes()
 
-    def _expect(self, map_id: str, map_version: str) -> Map:
-        found = find(self.maps, map_id, map_version)
+    def _require_map(self, map_id: str, map_version: str) -> Map:
+        found = find_map(self.maps, map_id, map_version)
         if found is None:
             message = f"the robot has no map '{map_id}' in version '{map_version}'"
             raise MapRefusedError(message)
         return found
 
-    def _place(self, map_id: str, map_version: str) -> Path:
-        return self._folder / _name(map_id) / _name(map_version)
+    def _map_folder(self, map_id: str, map_version: str) -> Path:
+        return self._folder / _folder_name(map_id) / _folder_name(map_version)
 
-    def _write(self, map_id: str, map_version: str, content: bytes) -> None:
+    def _write_map(self, map_id: str, map_version: str, content: bytes) -> None:
         """Write the map atomically."""
-        place = self._place(map_id, map_version)
-        unfinished = _beside(place)
+        place = self._map_folder(map_id, map_version)
+        unfinished = _temporary_path(place)
         rmtree(unfinished, ignore_errors=True)
         unfinished.mkdir(parents=True)
-        for name, part in self._files(content).items():
+        for name, part in self._files_of(content).items():
             _write_through(unfinished / name, part)
         unfinished.rename(place)
 
-    def _files(self, content: bytes) -> Mapping[str, bytes]:
+    def _files_of(self, content: bytes) -> Mapping[str, bytes]:
         """Return the files to store for a map, by name."""
         return {CONTENT: content}
 
-    def _remove(self, map_id: str, map_version: str) -> None:
+    def _remove_map(self, map_id: str, map_version: str) -> None:
         """Remove the map atomically, then delete its files."""
-        place = self._place(map_id, map_version)
-        unfinished = _beside(place)
+        place = self._map_folder(map_id, map_version)
+        unfinished = _temporary_path(place)
         rmtree(unfinished, ignore_errors=True)
         place.rename(unfinished)
         rmtree(unfinished)
 
-    def _mark(self, map_id: str, map_version: str) -> None:
-        self._put(self._folder / _name(map_id) / ENABLED, map_version.encode())
+    def _mark_enabled(self, map_id: str, map_version: str) -> None:
+        self._write_file(self._folder / _folder_name(map_id) / ENABLED, map_version.encode())
 
-    def _put(self, path: Path, content: bytes) -> None:
+    def _write_file(self, path: Path, content: bytes) -> None:
         """Write a small file atomically."""
         path.parent.mkdir(exist_ok=True)
-        new = _beside(path)
+        new = _temporary_path(path)
         _write_through(new, content)
         new.replace(path)
 
     def _is_enabled(self, map_id: str, map_version: str) -> bool:
-        mark = self._folder / _name(map_id) / ENABLED
+        mark = self._folder / _folder_name(map_id) / ENABLED
         return mark.exists() and mark.read_bytes() == map_version.encode()
 
-    def _read(self) -> tuple[Map, ...]:
+    def _read_maps(self) -> tuple[Map, ...]:
         return tuple(
             Map(
                 map_id=unquote(area.name[1:]),
@@ -197,7 +199,7 @@ class FolderMapStore:
         return MapStatus.ENABLED if self._is_enabled(map_id, map_version) else MapStatus.DISABLED
 
 
-def _beside(place: Path) -> Path:
+def _temporary_path(place: Path) -> Path:
     """Return the temporary path for writing or removing ``place``."""
     return place.with_name(place.name + UNFINISHED)
 
@@ -209,6 +211,6 @@ def _write_through(path: Path, content: bytes) -> None:
         os.fsync(file.fileno())
 
 
-def _name(text: str) -> str:
+def _folder_name(text: str) -> str:
     """Return the name of a folder; the leading ``=`` rules out relative paths and our own files."""
     return "=" + quote(text, safe=" ").replace(".", "%2E")

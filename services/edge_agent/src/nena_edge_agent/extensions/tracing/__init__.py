@@ -52,7 +52,7 @@ class Tracing(Extension):
     def on_event(self, robot: Robot, event: Event, effects: Iterable[Effect], state: RobotState) -> None:
         """Open and end spans."""
         if tracer := self._tracers.get(robot.key):
-            tracer.note(event, effects, state)
+            tracer.handle_event(event, effects, state)
 
     def on_end(self, robot: Robot) -> None:
         """Export what has not ended; after a restart, the rest of it is another span."""

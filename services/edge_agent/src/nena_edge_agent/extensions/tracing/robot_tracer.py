@@ -40,11 +40,11 @@ class _OpenSpan:
     span_id: int = field(default_factory=new_span_id)
     events: list[SpanEvent] = field(default_factory=list)
 
-    def note(self, name: str, time: datetime, **attributes: AttributeValue) -> None:
+    def add_event(self, name: str, time: datetime, **attributes: AttributeValue) -> None:
         """Add an event, unless there are too many."""
         if len(self.events) < EVENTS_LIMIT:
-            found = {f"vda5050.{key}": value for key, value in attributes.items()}
-            self.events.append(SpanEvent(name, time, found))
+            prefixed = {f"vda5050.{key}": value for key, value in attributes.items()}
+            self.events.append(SpanEvent(name, time, prefixed))
 
 
 @dataclass(slots=True)
@@ -80,7 +80,7 @@ class RobotTracer:
         self._order: _OpenOrder | None = None
         self._last_order_id: str | None = None
 
-    def note(self, event: events.Event, effects: Iterable[events.Effect], robot: RobotState) -> None:
+    def handle_event(self, event: events.Event, effects: Iterable[events.Effect], robot: RobotState) -> None:
         """Handle an event, its effects, and the robot's state after it."""
         order, order_id = self._order, robot.progress.order_id
         received = isinstance(event, events.OrderReceived)
@@ -131,7 +131,7 @@ class RobotTracer:
         update_id = robot.progress.order_update_id
         if update_id != order.update_id:
             order.update_id = update_id
-            order.span.note("vda5050.orderUpdateAccepted", self._clock.now(), order_update_id=update_id)
+            order.span.add_event("vda5050.orderUpdateAccepted", self._clock.now(), order_update_id=update_id)
 
     def _begin_goal(self, order: _OpenOrder, effect: events.Drive, robot: RobotState) -> None:
         self._end_goal(order, "replaced")
@@ -161,7 +161,7 @@ class RobotTracer:
             case GoalTable() if order.goal and (accepted := set(event.own) - order.known_goals):
                 order.known_goals = frozenset(event.own) | order.known_goals
                 for goal_id in sorted(accepted):
-                    order.goal.note("nav2.goalAccepted", self._clock.now(), goal_id=goal_id)
+                    order.goal.add_event("nav2.goalAccepted", self._clock.now(), goal_id=goal_id)
             case _:
                 pass
 
