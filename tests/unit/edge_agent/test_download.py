@@ -132,7 +132,7 @@ async def test_a_redirected_file_is_downloaded(files: Files) -> None:
     ],
 )
 def test_the_network_range_of_an_address_is_known(address: str, what: str) -> None:
-    assert _NetworkRange.of(address) == what
+    assert _NetworkRange.of_address(address) == what
 
 
 class Elsewhere:
@@ -143,7 +143,7 @@ class Elsewhere:
         self._resolve = socket.getaddrinfo
         self._kinds: list[str] = []
         monkeypatch.setattr(socket, "getaddrinfo", self._look_up)
-        monkeypatch.setattr(_Connections, "check", self._check(_Connections.check))
+        monkeypatch.setattr(_Connections, "check_address", self._check(_Connections.check_address))
 
     def _look_up(self, host: str, *more: Any, **options: Any) -> Any:
         self._kinds.append(self._addresses.get(host, host))
@@ -233,4 +233,4 @@ def test_a_tunnel_through_a_proxy_leads_to_the_network() -> None:
 
     assert _checked_connection(HTTPSConnection, connections, request) is HTTPSConnection
     with pytest.raises(DownloadError, match="which is the robot itself"):
-        connections.check("127.0.0.1")
+        connections.check_address("127.0.0.1")

@@ -359,8 +359,10 @@ class RobotAgent:
         if self._core.power.silent:
             self._greeting = False
             return
+        # The next state would report the effects of the events that wait: send one instead of two. Not longer
+        # than this, because a robot that is never idle must report as well (6.6.1).
         if not self._mailbox.is_empty and now - self._states.due < MAXIMUM_BATCH_DELAY:
-            return  # one message reports their effects too
+            return
         if self._greeting or self._states.due <= now:
             self._publish_state()
             self._states.record_sent(now)
@@ -381,6 +383,7 @@ class RobotAgent:
         if not (self._greeting or self._link.state.connected):
             return
         state = self._core.state(self._messages.headers.make(Topic.STATE))
+        # What is not on disk must not be visible: after a power failure, the robot would contradict it.
         if not self._is_recorded:
             ends = self._core.power is PowerPhase.SHUTTING_DOWN
             state = with_recorded_fields(state, self._shown, last=ends)

@@ -111,16 +111,16 @@ class _NetworkRange(StrEnum):
     MULTICAST = "a multicast address"
 
     @classmethod
-    def of(cls, address: str) -> _NetworkRange:
+    def of_address(cls, address: str) -> _NetworkRange:
         """Return the range of an IP address."""
-        found = ip_address(address.partition("%")[0])
-        if isinstance(found, IPv6Address):
-            found = found.ipv4_mapped or found
-        if found.is_loopback or found.is_unspecified:
+        host = ip_address(address.partition("%")[0])
+        if isinstance(host, IPv6Address):
+            host = host.ipv4_mapped or host
+        if host.is_loopback or host.is_unspecified:
             return cls.ROBOT
-        if found.is_link_local:
+        if host.is_link_local:
             return cls.LINK
-        return cls.MULTICAST if found.is_multicast else cls.NETWORK
+        return cls.MULTICAST if host.is_multicast else cls.NETWORK
 
 
 class _Connections:
@@ -133,13 +133,13 @@ class _Connections:
         """Record that the first connection is to a proxy, which is in the network."""
         self._first = self._first or _NetworkRange.NETWORK
 
-    def check(self, address: str) -> None:
+    def check_address(self, address: str) -> None:
         """Check the address of a connection before anything is sent: names may resolve differently each time.
 
         Raises:
             DownloadError: the address is not allowed.
         """
-        reach = _NetworkRange.of(address)
+        reach = _NetworkRange.of_address(address)
         if reach in (_NetworkRange.LINK, _NetworkRange.MULTICAST):
             message = f"downloads from {address} are not allowed: it is {reach}"
             raise DownloadError(message)
@@ -180,7 +180,7 @@ def _checked_connection(
         def connect(self) -> None:
             super().connect()
             try:
-                connections.check(self.sock.getpeername()[0])
+                connections.check_address(self.sock.getpeername()[0])
             except DownloadError:
                 self.close()
                 raise

@@ -40,6 +40,7 @@ async def run_fleet(
     async def run_robot(name: str, make: Callable[[], Agent]) -> None:
         for attempt in range(restarts + 1):
             try:
+                # A new agent each time: it reads the journal again, so that a failure leaves no half state.
                 await make().run(stop)
             except (StartError, TaskFailedError) as error:
                 log.error("robot failed", robot=name, reason=str(error))  # noqa: TRY400 - the reason suffices

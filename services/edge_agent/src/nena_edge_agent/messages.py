@@ -291,6 +291,7 @@ class Inbox:
 
     def _decode_message(self, kind: type[M], payload: bytes, topic: Topic) -> M:
         self._dated = True
+        # A strict robot refuses what violates the standard; others repair what has only one meaning.
         if self._strict:
             return self._codec.decode(kind, payload)
         command, repairs = read_command(kind, self._codec, payload, now=self._clock.now())

@@ -424,7 +424,9 @@ def _place_of(stack: Sequence[traceback.FrameSummary]) -> str:
     """Return the innermost line outside the event loop and the standard library."""
     library = str(Path(threading.__file__).parent)
     own = [
-        each for each in stack if not each.filename.startswith(library) or "site-packages" in each.filename
+        frame
+        for frame in stack
+        if not frame.filename.startswith(library) or "site-packages" in frame.filename
     ]
     last = (own or stack)[-1]
     return f"{last.filename}:{last.lineno} in {last.name}"

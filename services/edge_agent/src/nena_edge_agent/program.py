@@ -69,7 +69,7 @@ class _RobotParts:
     control: SimulationControl
 
     @classmethod
-    def of(cls, settings: EdgeAgentSettings, serial_number: str) -> Self:
+    def of_robot(cls, settings: EdgeAgentSettings, serial_number: str) -> Self:
         ros = PluginRos() if settings.driver == "nav2" else None
         ports, link = RobotPorts(ros, settings.actions), RobotLink()
         robot = Robot(RobotKey(settings.manufacturer, serial_number), link, ports.drive, ros)
@@ -79,7 +79,7 @@ class _RobotParts:
 async def _serve_robots(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
     """Create the robots and the extensions, then run the agents beside what serves all of them."""
     clock = SystemClock()
-    fleet = [_RobotParts.of(settings, serial_number) for serial_number in settings.serial_numbers]
+    fleet = [_RobotParts.of_robot(settings, serial_number) for serial_number in settings.serial_numbers]
     core = Core(settings, clock, tuple(parts.robot for parts in fleet))
     extensions = [
         extension(settings_of(settings, name, extension), core) for name, extension in installed().items()
@@ -165,7 +165,7 @@ def _agent_maker(
     )
     registry = make_registry(settings, control, robot, extensions, switch=switch)
 
-    def make() -> RobotAgent:
+    def make_agent() -> RobotAgent:
         agent = RobotAgent(
             settings,
             robot,
@@ -178,15 +178,15 @@ def _agent_maker(
         agents[robot.key] = agent
         return agent
 
-    return make
+    return make_agent
 
 
-def effective_operations(found: Installed, settings: EdgeAgentSettings) -> tuple[OperationBase, ...]:
+def effective_operations(external: Installed, settings: EdgeAgentSettings) -> tuple[OperationBase, ...]:
     """Return the robot's operations; installed plug-ins replace default ones of the same action type."""
     if "operations" in settings.model_fields_set:
         return settings.operations
     return tuple(
-        operation for operation in settings.operations if operation.action_type not in found.action_types
+        operation for operation in settings.operations if operation.action_type not in external.action_types
     )
 
 
@@ -200,8 +200,8 @@ def make_registry(
 ) -> ActionRegistry:
     """Return the actions of one robot, for loopback robots with simulated ones if enabled."""
     context = PluginContext(robot.key, robot.drive, robot.ros)
-    found = installed_plugins(context, settings.actions)
-    operations = effective_operations(found, settings)
+    external = installed_plugins(context, settings.actions)
+    operations = effective_operations(external, settings)
     plugins: list[ActionPlugin] = [
         *ready_made(operations, context, settings.actions, operation_kinds()),
         Wait(),
@@ -218,12 +218,13 @@ def make_registry(
         plugins.append(MapTransforms(settings.map_transforms))
     if settings.driver == "loopback":
         plugins = [ChargingWatch(plugin, control.set_charging) for plugin in plugins]
-        found = replace(
-            found, plugins=tuple(ChargingWatch(plugin, control.set_charging) for plugin in found.plugins)
+        external = replace(
+            external,
+            plugins=tuple(ChargingWatch(plugin, control.set_charging) for plugin in external.plugins),
         )
         if settings.loopback.rehearsal:
             plugins.extend(simulated_actions())
-    return ActionRegistry(plugins, found)
+    return ActionRegistry(plugins, external)
 
 
 def main(arguments: Sequence[str]) -> int:

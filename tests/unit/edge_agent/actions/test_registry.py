@@ -17,7 +17,7 @@ from nena_edge_agent.actions.registry import (
     Installed,
     PluginBrokenError,
     installed_plugins,
-    make,
+    make_plugins,
 )
 from nena_edge_agent.actions.settings import ActionSettings
 from nena_edge_agent.plugin_check import DryDrive
@@ -160,7 +160,7 @@ def test_a_broken_plug_in_disables_only_its_own_actions(
     assert found.action_types == {"good"}
     assert found.problems[0].startswith(problem)
     with pytest.raises(PluginBrokenError):
-        make(name, CONTEXT)
+        make_plugins(name, CONTEXT)
 
 
 def test_without_wanted_plug_ins_no_entry_points_are_read(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -56,10 +56,10 @@ class Wait:
         value = action.parameter("duration")
         seconds = float(value) if isinstance(value, int | float) else 0.0
 
-        def done() -> None:
+        def report_end() -> None:
             report(ActionReport(action.action_id, ActionStatus.FINISHED))
 
-        countdown = Countdown(action.action_id, seconds, report, done)
+        countdown = Countdown(action.action_id, seconds, report, report_end)
         countdown.start()
         return countdown
 
@@ -84,10 +84,10 @@ class TimedOperation:
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Start the countdown."""
 
-        def done() -> None:
+        def report_end() -> None:
             report(ActionReport(action.action_id, ActionStatus.FINISHED, charging=self._settings.charging))
 
-        countdown = Countdown(action.action_id, self._settings.seconds, report, done)
+        countdown = Countdown(action.action_id, self._settings.seconds, report, report_end)
         countdown.start()
         return countdown
 
@@ -162,8 +162,13 @@ class ZoneSetDownload:
             ValueError: ``content`` is not JSON.
             MalformedMessageError: ``content`` is not a zone set.
         """
-        found = _parse_json(content)
-        inner = found.get(ENVELOPE, found) if isinstance(found, dict) else found
+        try:
+            value: Any = json.loads(content)
+        except RecursionError as error:
+            message = "objects or arrays are nested too deeply"
+            raise ValueError(message) from error
+        # Fleet controls offer the zoneSet object alone, or a whole message (VDA 5050 3.0, 6.2.3).
+        inner = value.get(ENVELOPE, value) if isinstance(value, dict) else value
         header = {
             "headerId": 0,
             "timestamp": datetime.now(UTC).isoformat(),
@@ -171,22 +176,8 @@ class ZoneSetDownload:
             "manufacturer": "",
             "serialNumber": "",
         }
-        message = json.dumps(header | {ENVELOPE: inner}).encode()
-        return self._codec.decode(ZoneSetTransfer, message).zone_set
-
-
-def _parse_json(content: bytes) -> Any:  # noqa: ANN401 - any JSON value
-    """Read JSON in any of its encodings.
-
-    Raises:
-        ValueError: ``content`` is not JSON.
-
-    """
-    try:
-        return json.loads(content)
-    except RecursionError as error:
-        message = "objects or arrays are nested too deeply"
-        raise ValueError(message) from error
+        payload = json.dumps(header | {ENVELOPE: inner}).encode()
+        return self._codec.decode(ZoneSetTransfer, payload).zone_set
 
 
 NO_ROS = 'it needs ROS, which this robot does not have; actions.without_ros = "rehearse" simulates it'
@@ -240,12 +231,14 @@ class SimulatedOperation:
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Start the countdown; an open-ended action runs until it is cancelled."""
 
-        def done() -> None:
+        def report_end() -> None:
             report(
                 ActionReport(action.action_id, ActionStatus.FINISHED, "simulated", charging=self._charging)
             )
 
         lasting = self.declaration.open_ended
-        countdown = Countdown(action.action_id, float("inf") if lasting else self._seconds, report, done)
+        countdown = Countdown(
+            action.action_id, float("inf") if lasting else self._seconds, report, report_end
+        )
         countdown.start()
         return countdown

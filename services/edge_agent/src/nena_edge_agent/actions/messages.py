@@ -22,8 +22,8 @@ _WHOLE: Final = re.compile(r"\{([A-Za-z_][A-Za-z0-9_]*)\}")
 
 def placeholder_name(text: str) -> str | None:
     """Return the parameter's name if ``text`` is one placeholder and nothing else, otherwise None."""
-    found = _WHOLE.fullmatch(text)
-    return found.group(1) if found else None
+    match = _WHOLE.fullmatch(text)
+    return match.group(1) if match else None
 
 
 def template_problems(template: JsonValue, names: Collection[str], path: str) -> Iterator[str]:
@@ -57,7 +57,7 @@ def fill_template(template: JsonValue, values: Mapping[str, JsonValue]) -> JsonV
             parts = {key: fill_template(value, values) for key, value in template.items()}
             return {key: value for key, value in parts.items() if value is not None}
         case list():
-            items = (fill_template(each, values) for each in template)
+            items = (fill_template(item, values) for item in template)
             return [item for item in items if item is not None]
         case _:
             return template
@@ -198,10 +198,10 @@ def conform_value(value: JsonValue, shape: Shape, path: str) -> Any:  # noqa: AN
 
 def make_message(values: Mapping[str, Any], record: Record) -> Any:  # noqa: ANN401 - rclpy carries no types
     """Build a message from the result of :func:`conform_value`."""
-    made = record.make()
+    built = record.make()
     for name, value in values.items():
-        setattr(made, name, _message_value(value, record.fields[name]))
-    return made
+        setattr(built, name, _message_value(value, record.fields[name]))
+    return built
 
 
 def _message_value(value: Any, shape: Shape) -> Any:  # noqa: ANN401
@@ -209,7 +209,7 @@ def _message_value(value: Any, shape: Shape) -> Any:  # noqa: ANN401
         case Record():
             return make_message(value, shape)
         case ArrayShape():
-            return [_message_value(each, shape.item) for each in value]
+            return [_message_value(item, shape.item) for item in value]
         case Scalar(octet=True):
             return bytes((value,))
         case _:
@@ -319,21 +319,21 @@ def _plain_value(value: Any) -> Any:  # noqa: ANN401
     if isinstance(value, str | bool | int | float):
         return value
     return (
-        [_plain_value(each) for each in value.tolist()]
+        [_plain_value(item) for item in value.tolist()]
         if hasattr(value, "tolist")
         else [*map(_plain_value, value)]
     )
 
 
 def _load_type(name: str, kind: str) -> Any:  # noqa: ANN401
-    found = _NAME.fullmatch(name)
-    if found is None or found.group(2) != kind:
+    match = _NAME.fullmatch(name)
+    if match is None or match.group(2) != kind:
         example = EXAMPLES[kind]
         text = f"'{name}' is not a type name such as {example}"
         raise UnknownTypeError(text)
     prepare_environment()
     try:
-        return getattr(import_module(f"{found.group(1)}.{kind}"), found.group(3))
+        return getattr(import_module(f"{match.group(1)}.{kind}"), match.group(3))
     except (ImportError, AttributeError) as error:
         text = f"type '{name}' is not installed ({error}); source its workspace before the start"
         raise UnknownTypeError(text) from error
@@ -341,16 +341,16 @@ def _load_type(name: str, kind: str) -> Any:  # noqa: ANN401
 
 def _record_of(kind: Any, name: str) -> Record:  # noqa: ANN401
     fields: Mapping[str, str] = kind.get_fields_and_field_types()
-    shapes = {field: _shape_of(each) for field, each in fields.items() if field != PADDING}
+    shapes = {field: _shape_of(type_name) for field, type_name in fields.items() if field != PADDING}
     return Record(name, shapes, kind)
 
 
 def _shape_of(name: str) -> Shape:
-    if found := _SEQUENCE.fullmatch(name):
-        most = found.group("most")
-        return ArrayShape(_shape_of(found.group("item")), most=int(most) if most else None)
-    if found := _ARRAY.fullmatch(name):
-        return ArrayShape(_shape_of(found.group("item")), exactly=int(found.group("exactly")))
+    if sequence := _SEQUENCE.fullmatch(name):
+        most = sequence.group("most")
+        return ArrayShape(_shape_of(sequence.group("item")), most=int(most) if most else None)
+    if array := _ARRAY.fullmatch(name):
+        return ArrayShape(_shape_of(array.group("item")), exactly=int(array.group("exactly")))
     if scalar := _SCALARS.get(name):
         return scalar
     if text := _TEXT.fullmatch(name):
@@ -387,10 +387,10 @@ def matches(value: Any, wanted: JsonValue) -> bool:  # noqa: ANN401 - a value of
     """
     if isinstance(wanted, dict):
         return isinstance(value, Mapping) and all(
-            key in value and matches(value[key], each) for key, each in wanted.items()
+            key in value and matches(value[key], part) for key, part in wanted.items()
         )
     if isinstance(wanted, list) and not isinstance(value, list):
-        return any(matches(value, each) for each in wanted)
+        return any(matches(value, item) for item in wanted)
     if isinstance(value, list):
         return isinstance(wanted, list) and len(value) == len(wanted) and all(map(matches, value, wanted))
     if isinstance(value, float) and isinstance(wanted, int | float):

@@ -57,14 +57,14 @@ def installed_plugins(context: PluginContext, settings: ActionSettings) -> Insta
     problems: list[str] = []
     for name in names:
         try:
-            plugins += make(name, replace(context, options=settings.options.get(name, {})))
+            plugins += make_plugins(name, replace(context, options=settings.options.get(name, {})))
         except PluginBrokenError as error:
             log.warning("an action plug-in cannot be used", plugin=name, reason=str(error))
             problems.append(str(error))
     return Installed(tuple(plugins), tuple(problems))
 
 
-def make(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
+def make_plugins(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
     """Create the actions of one plug-in.
 
     Raises:
@@ -72,8 +72,8 @@ def make(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
     """
     factory = _load_factory(name)
     try:
-        made = factory(context)
-        found = tuple(made) if isinstance(made, Iterable) else (made,)
+        created = factory(context)
+        plugins = tuple(created) if isinstance(created, Iterable) else (created,)
     except PluginUnavailableError as error:
         message = f"plug-in '{name}' does not work on this robot: {error}"
         raise PluginBrokenError(message) from error
@@ -81,12 +81,12 @@ def make(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
         log.exception("an action plug-in failed to start", plugin=name)
         message = f"plug-in '{name}' failed to start: {_describe_error(error)}"
         raise PluginBrokenError(message) from error
-    for plugin in found:
+    for plugin in plugins:
         declared = isinstance(getattr(plugin, "declaration", None), ActionDeclaration)
         if not declared or not callable(getattr(plugin, "start", None)):
             message = f"plug-in '{name}' returned {plugin!r}, which lacks declaration or start"
             raise PluginBrokenError(message)
-    return found
+    return plugins
 
 
 def _wanted_plugins(settings: ActionSettings) -> Iterator[str]:

@@ -229,6 +229,7 @@ class Answer:
 
         self._waiting[id(answered)] = check_message
         answered.add_done_callback(lambda _: self._waiting.pop(id(answered), None))
+        # Only a latched topic tells a state; an earlier message of another answers an earlier action.
         if self._last is not None and self._settings.qos is TopicQos.LATCHED:
             check_message(self._last)
         return answered

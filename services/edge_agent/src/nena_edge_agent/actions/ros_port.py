@@ -185,9 +185,9 @@ class _Publisher:
         return int(self._publisher.get_subscription_count())
 
     def publish(self, fields: Mapping[str, JsonValue]) -> None:
-        made = _make_message(fields, self._shape, self._topic)
+        ros_message = _make_message(fields, self._shape, self._topic)
         self._port.session()
-        self._publisher.publish(made)
+        self._publisher.publish(ros_message)
 
 
 class _Subscription:
@@ -395,7 +395,7 @@ class _Action:
 
     def _on_statuses(self, entries: list[GoalEntry]) -> None:
         awaited = (entry for entry in entries if entry.goal_id in self._statuses)
-        self._statuses.update({each.goal_id: each.status for each in awaited})
+        self._statuses.update({entry.goal_id: entry.status for entry in awaited})
 
 
 async def _wait_for_server(client: Any, what: str, seconds: float) -> None:  # noqa: ANN401

@@ -31,7 +31,7 @@ REPORTED: Final = frozenset(
 
 
 def _all_of(kind: type) -> Callable[[Any], bool]:
-    return lambda value: isinstance(value, tuple) and all(isinstance(each, kind) for each in value)
+    return lambda value: isinstance(value, tuple) and all(isinstance(item, kind) for item in value)
 
 
 def _is_one(kind: type) -> Callable[[Any], bool]:
@@ -149,7 +149,7 @@ class Run:
 
     def _begin_action(self, loads: tuple[Load, ...]) -> None:
         running = self._plugin.start(self._action, loads, self.take_report)
-        if self.ended:
+        if self.ended:  # start itself may have reported the end
             return
         self._running = running
         missing = [
@@ -176,6 +176,7 @@ class Run:
     def _continue_action(self, report: ActionReport) -> None:
         previous, self._status = self._status, report.status
         self._last_result = report.result or self._last_result
+        # Progress changes no status (VDA 5050, 6.6.9), and plug-ins may report it more often than states go out.
         if report.status is previous is ActionStatus.RUNNING:
             self._progress.update_report(report)
             return

@@ -47,7 +47,7 @@ class StandingRobot:
 def store(folder: Path) -> tuple[Nav2MapStore, Loader]:
     """Return a store, and map_server as its driver gets it."""
     maps = Nav2MapStore(folder / "maps", FIRST, maximum=5, make_server=Loader)
-    server = maps.server_of(StandingRobot())
+    server = maps.make_server_client(StandingRobot())
     assert isinstance(server, Loader)
     return maps, server
 

@@ -46,23 +46,24 @@ class Triggers:
 
     def check_event(self, event: events.Event, errors: tuple[ErrorEntry, ...]) -> Trigger | None:
         """Handle an event and the robot's active errors after it; return why to record, if at all."""
-        found = self._new_error(errors)
+        error_trigger = self._new_error(errors)
         match event:
             case DriveFailed():
                 return Trigger.DRIVE_FAILED
             case events.SafetyReport(emergency_stop=stop):
-                before, self._stopped = self._stopped, stop is not EmergencyStop.NONE
-                return Trigger.EMERGENCY_STOP if self._stopped and not before else found
+                was_stopped, self._stopped = self._stopped, stop is not EmergencyStop.NONE
+                return Trigger.EMERGENCY_STOP if self._stopped and not was_stopped else error_trigger
             case _:
-                return found
+                return error_trigger
 
     def _new_error(self, errors: tuple[ErrorEntry, ...]) -> Trigger | None:
+        # The core keeps the same tuple while the errors do not change: most events end here.
         if errors is self._errors:
             return None
-        before = {error_key(error) for error in self._errors}
+        known_keys = {error_key(error) for error in self._errors}
         self._errors = errors
         serious = (error for error in errors if error.error_level in SERIOUS)
-        return Trigger.ERROR if any(error_key(rule) not in before for rule in serious) else None
+        return Trigger.ERROR if any(error_key(error) not in known_keys for error in serious) else None
 
 
 class RobotBlackBox(BlackBox):

@@ -120,7 +120,7 @@ class Maps(Extension):
     def map_server(self, robot: Robot, user: MapUser) -> MapServer | None:
         """Return Nav2's map_server if it loads the enabled map."""
         store = self._stores[robot.key]
-        return store.server_of(user) if isinstance(store, Nav2MapStore) else None
+        return store.make_server_client(user) if isinstance(store, Nav2MapStore) else None
 
     def on_start(self, robot: Robot) -> Iterable[Event]:
         """Report the maps that the robot can enable."""

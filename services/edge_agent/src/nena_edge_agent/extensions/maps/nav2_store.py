@@ -47,7 +47,7 @@ class Nav2MapStore(FolderMapStore):
         """Return the map that map_server has, or is loading."""
         return self._server.map_id if self._server else self._enabled_map()[0]
 
-    def server_of(self, user: MapUser) -> MapServer:
+    def make_server_client(self, user: MapUser) -> MapServer:
         """Return map_server for a new driver of the robot, which expects the enabled map."""
         map_id, file = self._enabled_map()
         self._server = self._make_server(map_id, file, mark=self._folder / UNPLACED, user=user)
@@ -56,7 +56,7 @@ class Nav2MapStore(FolderMapStore):
     def _enabled_map(self) -> tuple[str, str]:
         """Return the ID and the file of the enabled map; the robot's first map has no file here."""
         current = next(
-            (each for each in self.maps if self._current_map == (each.map_id, each.map_version)), None
+            (item for item in self.maps if self._current_map == (item.map_id, item.map_version)), None
         )
         if current is None:
             return self._first_id, ""

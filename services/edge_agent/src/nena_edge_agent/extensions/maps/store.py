@@ -27,7 +27,7 @@ class DuplicateMapError(MapRefusedError):
 
 def find_map(maps: Iterable[Map], map_id: str, map_version: str) -> Map | None:
     """Return the map with this ID and version, None if there is none."""
-    return next((each for each in maps if (each.map_id, each.map_version) == (map_id, map_version)), None)
+    return next((item for item in maps if (item.map_id, item.map_version) == (map_id, map_version)), None)
 
 
 class MapStore(Protocol):
@@ -138,11 +138,11 @@ class FolderMapStore:
         return (self._map_folder(map_id, map_version) / CONTENT).read_bytes()
 
     def _require_map(self, map_id: str, map_version: str) -> Map:
-        found = find_map(self.maps, map_id, map_version)
-        if found is None:
+        stored = find_map(self.maps, map_id, map_version)
+        if stored is None:
             message = f"the robot has no map '{map_id}' in version '{map_version}'"
             raise MapRefusedError(message)
-        return found
+        return stored
 
     def _map_folder(self, map_id: str, map_version: str) -> Path:
         return self._folder / _folder_name(map_id) / _folder_name(map_version)
@@ -184,19 +184,17 @@ class FolderMapStore:
         return mark.exists() and mark.read_bytes() == map_version.encode()
 
     def _read_maps(self) -> tuple[Map, ...]:
-        return tuple(
-            Map(
-                map_id=unquote(area.name[1:]),
-                map_version=unquote(version.name[1:]),
-                map_status=self._status(unquote(area.name[1:]), unquote(version.name[1:])),
-            )
-            for area in sorted(self._folder.glob("=*"))
-            for version in sorted(area.glob("=*"))
-            if not version.name.endswith(UNFINISHED)
-        )
-
-    def _status(self, map_id: str, map_version: str) -> MapStatus:
-        return MapStatus.ENABLED if self._is_enabled(map_id, map_version) else MapStatus.DISABLED
+        maps = []
+        for area in sorted(self._folder.glob("=*")):
+            for version in sorted(area.glob("=*")):
+                # Left over when a write or a removal was interrupted: neither is a map.
+                if version.name.endswith(UNFINISHED):
+                    continue
+                map_id, map_version = unquote(area.name[1:]), unquote(version.name[1:])
+                enabled = self._is_enabled(map_id, map_version)
+                status = MapStatus.ENABLED if enabled else MapStatus.DISABLED
+                maps.append(Map(map_id=map_id, map_version=map_version, map_status=status))
+        return tuple(maps)
 
 
 def _temporary_path(place: Path) -> Path:
