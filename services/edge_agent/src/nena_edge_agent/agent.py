@@ -131,6 +131,7 @@ class RobotAgent:
         self._drives, self._others = Postponed(), Postponed()
         self._inbox = self._messages.make_inbox(self._mailbox.put, clock)
         self._driver = make_driver(self._mailbox.put, self._core.last_position)
+        # Nav2 may still drive to a goal of an earlier run, which the driver must know to continue or end it.
         if own_goals := self._core.own_goals:
             self._driver.reclaim(own_goals)
         self._runner = ActionRunner(registry, self._mailbox.put, settings.actions.timeouts)
@@ -163,7 +164,7 @@ class RobotAgent:
         if self._registry.problems:
             self._mailbox.put(events.PluginsReport(self._registry.problems))
         self._mailbox.put(events.Started(self._clock.now()))  # before the driver's events
-        await self._write_record()  # the headerIds of the first messages
+        await self._write_record()  # the headerIds of the first messages: none is used twice (7.2)
         await self._recorder.sync()
         try:
             async with Supervisor() as supervisor:
@@ -179,6 +180,7 @@ class RobotAgent:
                         supervisor.start(f"stop {self.robot}", self._end_with(stop), vital=False)
                     await supervisor.wait(ending)
                 except Exception:
+                    # OFFLINE would tell fleet control that the robot has left in order (6.5).
                     await self._publish_disconnection(ConnectionState.CONNECTION_BROKEN)
                     raise
                 await self._publish_disconnection(ConnectionState.OFFLINE)
@@ -250,6 +252,7 @@ class RobotAgent:
             try:
                 followed = self._core.handle(event, now)
             except Exception as error:  # noqa: BLE001 - it is reported
+                # One event that the core cannot handle must not stop the robot in the middle of a hall.
                 kind = type(event).__name__
                 report_failure("event not handled", error, robot=str(self.robot), event_type=kind)
                 continue
@@ -367,6 +370,7 @@ class RobotAgent:
             self._publish_state()
             self._states.record_sent(now)
             ends = self._core.power is PowerPhase.SHUTTING_DOWN  # a restart is awake, so it needs no record
+            # Only once fleet control can know why the robot is silent from now on.
             if self._link.state.connected and (ends or (self._core.power.signs_off and self._is_recorded)):
                 self._mailbox.put(events.SignedOff())
         if self._visualizations.due <= now:

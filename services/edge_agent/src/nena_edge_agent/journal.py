@@ -143,6 +143,7 @@ class Journal:
         """
         with self._file.open("rb", buffering=0) as file:
             os.fdatasync(file.fileno())
+        # A new file also needs its name on disk.
         if self._made:
             sync_folder(self._folder)
             self._made = False
@@ -159,6 +160,7 @@ class Journal:
         return False
 
     def _make_file(self, number: int, record: bytes) -> None:
+        # Room to grow: an order that is extended must not need a new file for each update.
         half = max(MINIMUM_RECORD_SPACE, 1 << (2 * len(record)).bit_length())
         halves = [b" " * half, b" " * half]
         halves[number % 2] = _frame_record(number, record, half)
@@ -352,6 +354,7 @@ class Recorder:
         written: SimpleQueue[bool] = SimpleQueue()
         self._record = loop.run_in_executor(None, _write_record, self._journal, record_of(memory()), written)
         self._record.add_done_callback(_consume_result)
+        # Blocking on purpose: two switches of tasks take longer than the kernel usually does.
         try:
             outlives = written.get(timeout=INLINE_WAIT)
         except Empty:

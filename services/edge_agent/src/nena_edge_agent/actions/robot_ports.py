@@ -83,6 +83,7 @@ class ActionDrive:
             DriveError: the robot did not reach ``pose``, or another action drives.
 
         """
+        # The driver has one goal at a time: a second one would silently end the first.
         if self._driver is None or self._result is not None:
             message = "another action is driving" if self._driver else "the driver is not ready"
             raise DriveError(message)

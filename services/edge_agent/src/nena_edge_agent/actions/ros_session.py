@@ -84,6 +84,7 @@ class SessionAction:
         try:
             await self.work(self.switch, action)
         except SessionError as error:
+            # The session continues to try: only this action has failed.
             message = f"{error}; {manager.address}; retried until it is stopped"
             raise WorkFailedError(message) from error
         return ActionReport(

@@ -176,7 +176,7 @@ class Run:
     def _continue_action(self, report: ActionReport) -> None:
         previous, self._status = self._status, report.status
         self._last_result = report.result or self._last_result
-        # Progress changes no status (VDA 5050, 6.6.9), and plug-ins may report it more often than states go out.
+        # Progress changes no status (VDA 5050, 6.6.9). Plug-ins may report it more often than states go out.
         if report.status is previous is ActionStatus.RUNNING:
             self._progress.update_report(report)
             return

@@ -225,6 +225,7 @@ class LoopbackDriver:
             # As from Nav2: no answer arrives before go_to has returned.
             asyncio.get_running_loop().call_soon(self._emit, failure)
             return
+        # Who drives away from a charger no longer charges; no stopCharging is needed.
         if self._battery.is_charging:
             self.set_charging(charging=False)
         self._goal = goal
@@ -279,6 +280,7 @@ class LoopbackDriver:
 
     def carry_to(self, x: float, y: float, theta: float, map_id: str | None = None) -> None:
         """Place the robot at another pose (m, rad); a current goal continues from there."""
+        # Like a robot that is carried while Nav2 drives: it has not given up its goal.
         goal = self._goal
         self.stop_at_once()
         self._pose = port.Pose(x, y, theta, map_id or self._pose.map_id)
@@ -310,6 +312,7 @@ class LoopbackDriver:
             self._unreachable.pop(circle, None)
             return
         self._unreachable[circle] = None
+        # A goal that becomes unreachable ends now, as Nav2 notices it while it drives.
         goal = self._goal
         if goal and circle.holds(goal.pose.x, goal.pose.y):
             self.stop_at_once()
