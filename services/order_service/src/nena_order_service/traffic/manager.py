@@ -235,7 +235,7 @@ class TrafficManager:
     @property
     def requesting(self) -> tuple[str, ...]:
         """The vehicles with a route request, oldest first."""
-        return tuple(sorted(self._requests, key=self._turn))
+        return tuple(sorted(self._requests, key=self._turn_of))
 
     @property
     def waiting(self) -> frozenset[str]:
@@ -293,12 +293,12 @@ class TrafficManager:
             route = self._search.find(route_request)
         except NoRouteError:
             return False
-        way = self._way(route_request, route)
+        way = self._resources_along(route_request, route)
         if route is None or not self.scheduler.rests_or_will_rest_on(vehicle, way):
             return False
-        detour = self._detour(route_request, way, route.cost * LONGEST_DETOUR)
+        detour = self._find_detour(route_request, way, route.cost * LONGEST_DETOUR)
         return detour is None or self.scheduler.rests_or_will_rest_on(
-            vehicle, self._way(route_request, detour)
+            vehicle, self._resources_along(route_request, detour)
         )
 
     def route_around(
@@ -335,7 +335,7 @@ class TrafficManager:
         vehicle also keeps the resources next to its last position, because paths may be curved.
         """
         beside = self.beside(vehicle)
-        footing, behind = self._occupancy.of(found, box), self._behind(vehicle, found, moving=moving)
+        footing, behind = self._occupancy.of(found, box), self._still_covered(vehicle, found, moving=moving)
         if behind and behind[-1].point == found.point and found.on_point and not moving:
             held, entry = behind, None
         else:
@@ -357,7 +357,7 @@ class TrafficManager:
         self.scheduler.place(vehicle, held, box.length_mm, entry=entry)
         return True
 
-    def _behind(self, vehicle: str, found: Found, *, moving: bool) -> tuple[ResourceSet, ...]:
+    def _still_covered(self, vehicle: str, found: Found, *, moving: bool) -> tuple[ResourceSet, ...]:
         """Return those of a vehicle's held sets that it still covers at the position where it was found."""
         held = self.held(vehicle)
         if moving:
@@ -434,7 +434,7 @@ class TrafficManager:
         self._last_refusals.clear()
         self._settled.clear()
 
-    def _turn(self, vehicle: str) -> int:
+    def _turn_of(self, vehicle: str) -> int:
         return self._turns.get(vehicle, (0, ""))[0]
 
     # Decisions
@@ -451,7 +451,7 @@ class TrafficManager:
         extending = [name for name, _ in self.extending()]
         yield from self._clear_ways(extending, movable)
         self._right_of_way = right_of_way = None
-        for vehicle in sorted(dict.fromkeys((*self._requests, *extending)), key=self._turn):
+        for vehicle in sorted(dict.fromkeys((*self._requests, *extending)), key=self._turn_of):
             if under_way := vehicle in self._routes:
                 claimed = len(self.scheduler.occupant(vehicle).claimed)
                 refused = self._extend_claim(vehicle, right_of_way)
@@ -460,7 +460,7 @@ class TrafficManager:
             else:
                 if not self._can_be_granted(vehicle) or not movable(vehicle):
                     continue
-                answer = self._answer(self._requests[vehicle], right_of_way, lost)
+                answer = self._try_request(self._requests[vehicle], right_of_way, lost)
                 if not isinstance(answer, _Refused):
                     yield answer
                     continue
@@ -477,7 +477,7 @@ class TrafficManager:
             self._right_of_way = right_of_way
             if blocked_at_rest:
                 yield from self._make_room(vehicle, refused, right_of_way, movable)
-        self._settle(extending)
+        self._settle_routes(extending)
 
     def _clear_ways(self, extending: list[str], movable: VehicleTest) -> Iterator[Relocation]:
         """Relocate vehicles that have stopped early on another one's claimed way.
@@ -491,7 +491,7 @@ class TrafficManager:
             ahead = route.way[route.allocated :]
             for relocation in self._relocator.relocate(route.refusal.vehicles, ahead, movable):
                 extending.append(relocation.vehicle)
-                self._depart(relocation.vehicle, relocation.way)
+                self._start_route(relocation.vehicle, relocation.way)
                 yield relocation
 
     def _with_distance(self, refusal: Refusal, last: Refusal | None) -> Refusal:
@@ -506,13 +506,13 @@ class TrafficManager:
             distance = self.scheduler.turn_back_mm(refusal)
         return replace(refusal, turn_back_mm=distance) if distance else refusal
 
-    def _depart(
+    def _start_route(
         self, vehicle: str, way: Sequence[ResourceSet], route_request: RouteRequest | None = None
     ) -> None:
         self._left_at.pop(vehicle, None)
         self._routes[vehicle] = AllocatedRoute(tuple(way), route_request=route_request)
 
-    def _settle(self, vehicles: Iterable[str]) -> None:
+    def _settle_routes(self, vehicles: Iterable[str]) -> None:
         """Leave out of later decisions those vehicles that can neither be allocated nor claim more."""
         self._forget_outdated()
         for vehicle in vehicles:
@@ -552,7 +552,7 @@ class TrafficManager:
             and self.scheduler.occupant(vehicle).resting
         )
 
-    def _answer(
+    def _try_request(
         self, route_request: RouteRequest, right_of_way: _RightOfWay | None, lost: VehicleTest
     ) -> RouteGrant | RouteRejection | _Refused:
         """Claim the first section of the cheapest route or of a detour; else return the former's refusal.
@@ -562,7 +562,11 @@ class TrafficManager:
         vehicle = route_request.vehicle
         self._forget_outdated()
         last = self._last_refusals.get(vehicle)
-        if last and last.right_of_way == right_of_way and self._lost(last.causes, vehicle, lost) == last.lost:
+        if (
+            last
+            and last.right_of_way == right_of_way
+            and self._lost_causes(last.causes, vehicle, lost) == last.lost
+        ):
             return last.refused
         try:
             route = self._search.find(route_request)
@@ -570,27 +574,27 @@ class TrafficManager:
             self.drop(vehicle)
             return RouteRejection(vehicle, error)
         causes = {vehicle}
-        way = self._way(route_request, route)
+        way = self._resources_along(route_request, route)
         refused = self._claim_first_section(vehicle, way, right_of_way, lost, causes)
         if refused and route and refused.refusal.reason is WaitReason.RESTING:
             longest = inf if any(map(lost, refused.refusal.vehicles)) else route.cost * LONGEST_DETOUR
-            if detour := self._detour(route_request, way, longest):
-                around = self._way(route_request, detour)
+            if detour := self._find_detour(route_request, way, longest):
+                around = self._resources_along(route_request, detour)
                 if self._claim_first_section(vehicle, around, right_of_way, lost, causes) is None:
                     route, way, refused = detour, around, None
         if refused is None:
             self.drop(vehicle)
-            self._depart(vehicle, way, route_request)
+            self._start_route(vehicle, way, route_request)
             return RouteGrant(vehicle, route)
         if vehicle not in self._let_out:
-            last_lost = self._lost(causes, vehicle, lost)
+            last_lost = self._lost_causes(causes, vehicle, lost)
             self._last_refusals[vehicle] = _LastRefusal(refused, frozenset(causes), right_of_way, last_lost)
         return refused
 
-    def _lost(self, causes: Iterable[str], vehicle: str, lost: VehicleTest) -> frozenset[str]:
+    def _lost_causes(self, causes: Iterable[str], vehicle: str, lost: VehicleTest) -> frozenset[str]:
         return frozenset(name for name in causes if name != vehicle and lost(name))
 
-    def _way(self, route_request: RouteRequest, route: Route | None) -> list[ResourceSet]:
+    def _resources_along(self, route_request: RouteRequest, route: Route | None) -> list[ResourceSet]:
         """Return what the vehicle needs for a route, or for a straight drive to its goal."""
         occupant = self.scheduler.occupant(route_request.vehicle)
         goal, at_goal = route_request.goal, route_request.at_goal
@@ -598,7 +602,9 @@ class TrafficManager:
             return [self.resources.on(goal, (goal, *at_goal), length_mm=route_request.straight_mm or 0)]
         return self.resources.way(route.steps, start=occupant.held[-1], entry=occupant.entry, at_goal=at_goal)
 
-    def _detour(self, route_request: RouteRequest, way: list[ResourceSet], longest: float) -> Route | None:
+    def _find_detour(
+        self, route_request: RouteRequest, way: list[ResourceSet], longest: float
+    ) -> Route | None:
         """Return a route around vehicles that rest on a way; None if there is none up to cost ``longest``."""
         resting = self.scheduler.resting_on(route_request.vehicle, way)
         occupied = {use for name in resting for held in self.held(name) for use in held.uses}
@@ -678,7 +684,7 @@ class TrafficManager:
         vehicles on which this depends.
         """
         refused: _Refused | None = None
-        sections = tuple(self._sections(ahead))
+        sections = tuple(self._section_lengths(ahead))
         free = self.scheduler.free_of_rest(vehicle, ahead[: sections[0]]) if sections else 0
         for count in sections:
             if count <= more_than and (count or ahead):
@@ -686,7 +692,7 @@ class TrafficManager:
             if count > free and refused:
                 continue
             way = list(ahead[:count])
-            refusal = self._claim(vehicle, way, right_of_way)
+            refusal = self._claim_outside_right_of_way(vehicle, way, right_of_way)
             if refusal is None:
                 return None
             causes.update(refusal.vehicles, refusal.between)
@@ -695,7 +701,7 @@ class TrafficManager:
                 refused = _Refused(refusal, way)
         return refused
 
-    def _claim(
+    def _claim_outside_right_of_way(
         self, vehicle: str, way: list[ResourceSet], right_of_way: _RightOfWay | None
     ) -> Refusal | None:
         """Claim a way unless it ends on the section reserved by right of way; return the refusal, if any."""
@@ -705,7 +711,7 @@ class TrafficManager:
                 return Refusal(WaitReason.ORDER, (right_of_way.vehicle,), resource)
         return self.scheduler.claim(vehicle, way)
 
-    def _sections(self, ahead: Sequence[ResourceSet]) -> Iterator[int]:
+    def _section_lengths(self, ahead: Sequence[ResourceSet]) -> Iterator[int]:
         """Yield how many sets may be claimed at once, from the first waiting place after SECTION down."""
         ends = list[int]()
         for end in self.resources.waiting_places(ahead):
@@ -748,7 +754,7 @@ class TrafficManager:
             if relocation.lets_out:
                 at = self.scheduler.occupant(relocation.lets_out).point
                 self._let_out[relocation.vehicle] = _LetOut(relocation.lets_out, at, requester)
-            self._depart(relocation.vehicle, relocation.way)
+            self._start_route(relocation.vehicle, relocation.way)
             yield relocation
         yield from (EarlyEnd(name) for name in under_way if self._waits_for_itself(name))
         for name in () if sent else sorted(enclosing.intersection(self._routes).difference(under_way)):

@@ -81,6 +81,7 @@ class Relocator:
                 if refusal is None:
                     yield Relocation(vehicle, route, tuple(way), lets_out)
                     break
+                # Only the best way out is cleared: each further one would send more vehicles away.
                 if refusal.reason is WaitReason.RESTING and enclosed is None:
                     enclosed = refusal.vehicles, way
             else:
