@@ -159,6 +159,7 @@ class LockedPaths:
         """Replace the locks of hosts or stops, before any vehicle is granted more of its route."""
         self.by_hosts = self.by_hosts if by_hosts is None else by_hosts
         self.by_stops = self.by_stops if by_stops is None else by_stops
+        # A stop in an area outlasts what hosts unlock: people may be in it.
         self._finder.set_locks(self.by_hosts, self.by_stops)
         self._resources.set_locks({**self.by_hosts, **dict.fromkeys(self.by_stops, True)})
 

@@ -222,6 +222,7 @@ class Engine:
             self.life_cycle.dispatch_orders()
         seconds = self.clock.monotonic() - begin
         if seconds > LONG_DECISION:
+            # Robots' states and hosts get five times as long as the decision has held them up.
             pause = seconds * (1 / DISPATCH_SHARE - 1)
             self._dispatch_pause = asyncio.get_running_loop().call_later(pause, self._end_dispatch_pause)
 
@@ -238,6 +239,7 @@ class Engine:
             for vehicle in vehicles:
                 self._positions.see(vehicle)
                 self.stops.look_at(vehicle)
+        # Each in its own unit: a new route changes what the next vehicle waits for.
         for name in self._rerouting.kept_waiting():
             with self.change():
                 self._rerouting.reroute_waiting(name)
@@ -245,6 +247,7 @@ class Engine:
             self.state.dispatch_due = self.state.drive_due = True
             self.life_cycle.check_times()
             self.peripherals.check_times()
+        # Parking and recharging wait for the first states of all robots: a place may be occupied.
         if self._gate.is_open:
             with self.change():
                 self._idle.attend(vehicles)
@@ -438,6 +441,7 @@ class Engine:
     def _robot_changed(self, robot: RobotKey) -> None:
         vehicle = self.registry.discover(robot)
         view = self.context.view(vehicle)
+        # A robot without a map or frame in the plant model is on the map, and in the frame, that it reports.
         if view.state and view.state.mobile_robot_position:
             vehicle = self.registry.learn_map(vehicle, view.state.mobile_robot_position.map_id)
         if view.factsheet:

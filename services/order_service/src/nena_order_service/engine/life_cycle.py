@@ -161,7 +161,7 @@ class LifeCycle:
         elif immediate and not drive.cancelled:
             self._driving.cancel_drive(drive)
         elif not immediate and not again:
-            # VDA 5050 can only cancel at once; an order update that takes the horizon away ends it with its base.
+            # VDA 5050 can only cancel at once; an update that takes the horizon away ends it with its base.
             self._driving.end_early(drive, partial=False)
 
     def hold_order(self, order: TransportOrder, by: str, reason: str, *, immediate: bool) -> None:
