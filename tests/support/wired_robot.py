@@ -126,7 +126,7 @@ class WiredFleet:
     ) -> None:
         self.news: list[FleetOutput] = []
         addresses = RobotAddresses([TopicScheme(interface_name, major) for major in ("v2", "v3")])
-        addresses.expect((vehicles or {}).items())
+        addresses.expect_vehicles((vehicles or {}).items())
         self.mqtt = MqttLink(broker.settings, client_id=f"fleet-{interface_name}", term=term)
         self.fleet = FleetLink(
             self.mqtt,

@@ -274,7 +274,7 @@ def _make_addresses(settings: OrderServiceSettings, registry: VehicleRegistry) -
     addresses = RobotAddresses(
         [TopicScheme(settings.interface_name, "v2"), TopicScheme(settings.interface_name_v3, "v3")]
     )
-    addresses.expect((each.key, each.model) for each in registry if each.model)
+    addresses.expect_vehicles((each.key, each.model) for each in registry if each.model)
     return addresses
 
 

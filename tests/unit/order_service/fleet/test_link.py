@@ -45,20 +45,20 @@ V2, V3 = TopicScheme("uagv", "v2"), TopicScheme("vda5050", "v3")
 def addresses(**properties: str) -> RobotAddresses:
     known = RobotAddresses([V2, V3])
     vehicle = Vehicle(name="Tug", properties={f"vda5050:{key}": value for key, value in properties.items()})
-    known.expect([(ROBOT, vehicle)])
+    known.expect_vehicles([(ROBOT, vehicle)])
     return known
 
 
 @pytest.mark.parametrize("robot", [ROBOT, RobotKey("ACME", "not in the plant model")])
 def test_a_robot_of_unknown_version_is_addressed_on_all_topics_that_it_may_use(robot: RobotKey) -> None:
-    found = addresses().of(robot)
+    found = addresses().addresses_of(robot)
 
     assert [(each.codec.version, each.scheme) for each in found] == [("2.0.0", V2), ("3.0.0", V3)]
     assert addresses().schemes == (V2, V3)
 
 
 def test_a_vehicle_with_an_interface_name_is_addressed_below_it() -> None:
-    assert [each.scheme for each in addresses(interfaceName="acme/hall").of(ROBOT)] == [
+    assert [each.scheme for each in addresses(interfaceName="acme/hall").addresses_of(ROBOT)] == [
         TopicScheme("acme/hall", "v2"),
         TopicScheme("acme/hall", "v3"),
     ]
@@ -75,7 +75,7 @@ def test_a_vehicle_with_an_interface_name_is_addressed_below_it() -> None:
     ],
 )
 def test_the_plant_model_names_its_version(written: str, version: str, scheme: TopicScheme) -> None:
-    (address,) = addresses(version=written).of(ROBOT)
+    (address,) = addresses(version=written).addresses_of(ROBOT)
 
     assert (address.codec.version, address.scheme) == (version, scheme)
 
@@ -88,7 +88,7 @@ def test_an_invalid_interface_name_is_an_error_of_the_plant_model(name: str) -> 
 
 def test_the_plant_model_names_its_topics() -> None:
     known = addresses(version="2.0.0", interfaceName="acme/hall")
-    (address,) = known.of(ROBOT)
+    (address,) = known.addresses_of(ROBOT)
 
     assert address.scheme == TopicScheme("acme/hall", "v2")
     assert known.schemes == (V2, V3, TopicScheme("acme/hall", "v2"), TopicScheme("acme/hall", "v3"))
@@ -102,23 +102,23 @@ def test_an_unsupported_version_is_an_error_of_the_plant_model() -> None:
 def test_a_robot_that_the_store_cannot_hold_is_an_error_of_the_plant_model() -> None:
     long = RobotKey("ACME", "r" * KEY_LENGTH)
     with pytest.raises(ConfigurationError, match=r"vehicle 'Tug'.*more than 400 characters"):
-        RobotAddresses([V2, V3]).expect([(long, Vehicle(name="Tug"))])
+        RobotAddresses([V2, V3]).expect_vehicles([(long, Vehicle(name="Tug"))])
 
 
 def test_the_robots_messages_override_the_plant_model() -> None:
     known = addresses(version="2.0.0")
 
-    assert known.learn(ROBOT, codec_for("3.0.0"), V3, HELLO, retained=False)
+    assert known.learn_source(ROBOT, codec_for("3.0.0"), V3, HELLO, retained=False)
 
-    (address,) = known.of(ROBOT)
+    (address,) = known.addresses_of(ROBOT)
     assert address.scheme == V3
 
 
 def test_outdated_retained_messages_are_ignored() -> None:
     known = addresses(version="3.0.0")
 
-    assert not known.learn(ROBOT, codec_for("2.1.0"), V2, HELLO, retained=True)
-    (address,) = known.of(ROBOT)
+    assert not known.learn_source(ROBOT, codec_for("2.1.0"), V2, HELLO, retained=True)
+    (address,) = known.addresses_of(ROBOT)
     assert address.scheme == V3
 
 
@@ -141,11 +141,11 @@ def test_an_order_refused_to_a_busy_robot_is_not_counted_as_undelivered() -> Non
 
 
 def test_a_vehicle_without_such_properties_keeps_to_the_standard() -> None:
-    assert addresses().dialect(ROBOT) == addresses().dialect(RobotKey("ACME", "r2")) == STANDARD
+    assert addresses().dialect_of(ROBOT) == addresses().dialect_of(RobotKey("ACME", "r2")) == STANDARD
 
 
 def test_parameters_are_sent_as_text_if_configured() -> None:
-    dialect = addresses(parametersAsText="true").dialect(ROBOT)
+    dialect = addresses(parametersAsText="true").dialect_of(ROBOT)
     values: dict[str, Any] = {"height": 1.5, "slowly": True, "slots": [1, 2], "station": "7"}
     action = Action(
         action_type="pick",
@@ -162,24 +162,24 @@ def test_parameters_are_sent_as_text_if_configured() -> None:
     )
     instant = InstantActions(**header, actions=(action,))
 
-    read = dialect.fitted(order)
+    read = dialect.to_readable(order)
     assert isinstance(read, Order)
-    also = dialect.fitted(instant)
+    also = dialect.to_readable(instant)
     assert isinstance(also, InstantActions)
     for fitted in (read.nodes[1].actions[0], also.actions[0]):
         given = {each.key: each.value for each in fitted.action_parameters}
         assert given == {"height": "1.5", "slowly": "true", "slots": "[1,2]", "station": "7"}
-    assert STANDARD.fitted(order) is order
+    assert STANDARD.to_readable(order) is order
 
 
 def test_the_list_of_instant_actions_has_the_configured_key() -> None:
-    dialect = addresses(instantActionsKey="instantActions").dialect(ROBOT)
+    dialect = addresses(instantActionsKey="instantActions").dialect_of(ROBOT)
 
-    assert dialect.renamed(Topic.INSTANT_ACTIONS, b'{"headerId":1,"actions":[]}') == (
+    assert dialect.rename_keys(Topic.INSTANT_ACTIONS, b'{"headerId":1,"actions":[]}') == (
         b'{"headerId":1,"instantActions":[]}'
     )
-    assert dialect.renamed(Topic.ORDER, b'{"actions":[]}') == b'{"actions":[]}'
-    assert STANDARD.renamed(Topic.INSTANT_ACTIONS, b'{"actions":[]}') == b'{"actions":[]}'
+    assert dialect.rename_keys(Topic.ORDER, b'{"actions":[]}') == b'{"actions":[]}'
+    assert STANDARD.rename_keys(Topic.INSTANT_ACTIONS, b'{"actions":[]}') == b'{"actions":[]}'
 
 
 @pytest.mark.parametrize(
@@ -193,7 +193,7 @@ def test_the_list_of_instant_actions_has_the_configured_key() -> None:
 )
 @pytest.mark.parametrize("recorded", [False, True])
 def test_kept_last_node_states_count_as_done(more: dict[str, object], *, empty: bool, recorded: bool) -> None:
-    dialect = addresses(keepsLastNodeStates="true").dialect(ROBOT)
+    dialect = addresses(keepsLastNodeStates="true").dialect_of(ROBOT)
     robot = HonestRobot(key=ROBOT)
     robot.nodes = list(make_vda_order("m", "A", "B").nodes[1:])
     robot.last_node_id, robot.last_sequence_id, robot.paused = "B", 2, True
@@ -202,8 +202,8 @@ def test_kept_last_node_states_count_as_done(more: dict[str, object], *, empty: 
         codec = codec_for("2.1.0")
         state = read_record(State, codec, codec.encode(state))
 
-    assert (dialect.understood(state).node_states == ()) is empty
-    assert STANDARD.understood(state) is state
+    assert (dialect.to_standard(state).node_states == ()) is empty
+    assert STANDARD.to_standard(state) is state
 
 
 @pytest.mark.parametrize(
@@ -220,11 +220,11 @@ def test_a_robot_that_turns_at_its_last_node_finishes_after_the_turn(
     heading: float, wanted: float | None, allowed: float | None, *, done: bool
 ) -> None:
     """Its lastNodeSequenceId may be that of the order before, which ended there."""
-    dialect = addresses(keepsLastNodeStates="true").dialect(ROBOT)
+    dialect = addresses(keepsLastNodeStates="true").dialect_of(ROBOT)
     state = at_last_node(heading, wanted, allowed)
 
-    assert (dialect.understood(state, outdated=True).node_states == ()) is done
-    assert dialect.understood(state).node_states == (), "a robot whose last node is current has arrived"
+    assert (dialect.to_standard(state, outdated=True).node_states == ()) is done
+    assert dialect.to_standard(state).node_states == (), "a robot whose last node is current has arrived"
 
 
 def at_last_node(heading: float, wanted: float | None, allowed: float | None = None) -> State:
@@ -253,10 +253,10 @@ def test_a_last_node_may_be_outdated_in_a_round_trip_until_another_is_reported(
 ) -> None:
     nodes, vda_order, state = LastNodes(), make_vda_order("m", *places), at_last_node(0.0, 1.57)
     if before is not None:
-        nodes.outdated(ROBOT, state.model_copy(update=before), vda_order)
+        nodes.may_be_outdated(ROBOT, state.model_copy(update=before), vda_order)
 
-    assert nodes.outdated(ROBOT, state, vda_order) is outdated
-    assert not nodes.outdated(ROBOT, state, None)
+    assert nodes.may_be_outdated(ROBOT, state, vda_order) is outdated
+    assert not nodes.may_be_outdated(ROBOT, state, None)
 
 
 class Handlers(MqttLink):

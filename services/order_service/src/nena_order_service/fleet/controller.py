@@ -548,11 +548,6 @@ class FleetController:
         control = self._robots.get(robot)
         return (control or self._new_control(robot)).view(now)
 
-    def state(self, robot: RobotKey) -> State | None:
-        """Return the last state of a robot; None if it never reported one."""
-        control = self._robots.get(robot)
-        return control.robot.state if control else None
-
     def vda_order(self, robot: RobotKey) -> VdaOrder | None:
         """Return the VDA order that a robot has or is about to receive; None if there is none."""
         control = self._robots.get(robot)

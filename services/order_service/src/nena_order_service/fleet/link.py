@@ -47,7 +47,7 @@ from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.records import changed
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.robot_sources import Dated, RobotSources
-from nena_shared.vda5050.state import NodeState, State
+from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_named, nearest_codec
 from nena_shared.vda5050.zone_set import ZoneSet, ZoneSetTransfer
@@ -70,6 +70,10 @@ class RobotAddress:
     scheme: TopicScheme
 
 
+TURNED_WITHIN: Final = pi / 4
+"""Default accepted deviation from the heading at the last node, rad."""
+
+
 @dataclass(frozen=True, slots=True)
 class Dialect:
     """Deviations of a robot from the standard that must be configured in the plant model."""
@@ -79,12 +83,12 @@ class Dialect:
     keeps_last_node_states: bool = False
 
     @classmethod
-    def of(cls, vehicle: Vehicle) -> Dialect:
+    def from_vehicle(cls, vehicle: Vehicle) -> Dialect:
         """Read the properties of a vehicle."""
         key = vehicle.instant_actions_key or ""
         return cls(vehicle.parameters_as_text, key, vehicle.keeps_last_node_states)
 
-    def fitted(self, message: Message) -> Message:
+    def to_readable(self, message: Message) -> Message:
         """Return a message in the form that the robot can read."""
         if not self.parameters_as_text:
             return message
@@ -100,7 +104,7 @@ class Dialect:
             return message.model_copy(update={"nodes": nodes, "edges": edges})
         return message
 
-    def renamed(self, topic: Topic, payload: bytes) -> bytes:
+    def rename_keys(self, topic: Topic, payload: bytes) -> bytes:
         """Return an encoded message with the keys that the robot expects."""
         if topic is not Topic.INSTANT_ACTIONS or not self.instant_actions_key:
             return payload
@@ -108,7 +112,7 @@ class Dialect:
         content[self.instant_actions_key] = content.pop("actions")
         return to_json(content)
 
-    def understood(self, state: State, *, outdated: bool = False) -> State:
+    def to_standard(self, state: State, *, outdated: bool = False) -> State:
         """Return a state as the standard requires it: without nodeStates at the last node.
 
         ``outdated``: its last node may belong to the previous order, and the robot may still have to turn.
@@ -118,22 +122,13 @@ class Dialect:
         last = state.node_states[-1]
         if (last.node_id, last.sequence_id) != (state.last_node_id, state.last_node_sequence_id):
             return state
-        if outdated and _has_to_turn(state, last):
-            return state
+        # An order that ends where the robot stands may still ask it to turn: then it has not begun.
+        pose, place = state.mobile_robot_position, last.node_position
+        if outdated and pose and place and place.theta is not None:
+            allowed = place.allowed_deviation_theta or TURNED_WITHIN
+            if abs(remainder(pose.theta - place.theta, tau)) > allowed:
+                return state
         return changed(state, node_states=(), edge_states=())
-
-
-TURNED_WITHIN: Final = pi / 4
-"""Default accepted deviation from the heading at the last node, rad."""
-
-
-def _has_to_turn(state: State, node: NodeState) -> bool:
-    """Return whether a robot at ``node`` still has to turn to the node's heading."""
-    robot, place = state.mobile_robot_position, node.node_position
-    if robot is None or place is None or place.theta is None:
-        return False
-    allowed = place.allowed_deviation_theta or TURNED_WITHIN
-    return abs(remainder(robot.theta - place.theta, tau)) > allowed
 
 
 class LastNodes:
@@ -143,16 +138,14 @@ class LastNodes:
         self._current: dict[RobotKey, str] = {}
         """By robot, the order during which it has reported a last node other than the order's last one."""
 
-    def outdated(self, robot: RobotKey, state: State, vda_order: VdaOrder | None) -> bool:
-        """Return whether a robot may report the end of an order that it has not begun.
-
-        This can only happen if the order ends at its first node.
-        """
+    def may_be_outdated(self, robot: RobotKey, state: State, vda_order: VdaOrder | None) -> bool:
+        """Return whether a robot may report the end of an order that it has not begun."""
         if vda_order is None or state.order_id != vda_order.order_id:
             return False
         first, last = vda_order.nodes[0], vda_order.nodes[-1]
         if (state.last_node_id, state.last_node_sequence_id) != (last.node_id, last.sequence_id):
             self._current[robot] = state.order_id
+        # Only an order that ends at its first node looks ended before it has begun.
         return first.node_id == last.node_id and self._current.get(robot) != state.order_id
 
 
@@ -182,7 +175,7 @@ class RobotAddresses:
         """All topics that robots may use."""
         return tuple(self._schemes)
 
-    def expect(self, vehicles: Iterable[tuple[RobotKey, Vehicle]]) -> None:
+    def expect_vehicles(self, vehicles: Iterable[tuple[RobotKey, Vehicle]]) -> None:
         """Note the versions and interface names of vehicles in the plant model.
 
         Raises:
@@ -190,7 +183,12 @@ class RobotAddresses:
                 name is too long for the store.
         """
         for robot, vehicle in vehicles:
-            _require_storable(robot, vehicle)
+            if len(str(robot)) > KEY_LENGTH:
+                message = (
+                    f"plant: vehicle '{vehicle.name[:60]}': manufacturer and serial number have more than "
+                    f"{KEY_LENGTH} characters together"
+                )
+                raise ConfigurationError([message])
             if any(level_of(name) != name for name in robot):
                 log.warning(
                     "some brokers refuse or change topics with this manufacturer or serial number: NATS "
@@ -198,7 +196,7 @@ class RobotAddresses:
                     vehicle=vehicle.name,
                     robot=str(robot),
                 )
-            self._dialects[robot] = Dialect.of(vehicle)
+            self._dialects[robot] = Dialect.from_vehicle(vehicle)
             name = _interface_name(vehicle)
             schemes = [
                 TopicScheme(name or default.interface_name, major)
@@ -210,7 +208,7 @@ class RobotAddresses:
                 self._sources.expect(robot, address.scheme)
             self._expected[robot] = tuple(map(_oldest_address, schemes))
 
-    def dialect(self, robot: RobotKey) -> Dialect:
+    def dialect_of(self, robot: RobotKey) -> Dialect:
         """Return the configured deviations of ``robot`` from the standard."""
         return self._dialects.get(robot, STANDARD)
 
@@ -219,14 +217,14 @@ class RobotAddresses:
         """The robots of the plant model."""
         return self._expected.keys()
 
-    def of(self, robot: RobotKey) -> tuple[RobotAddress, ...]:
+    def addresses_of(self, robot: RobotKey) -> tuple[RobotAddress, ...]:
         """Return the version and topics of ``robot``; all that it may use if they are not known yet."""
         address = self._addresses.get(robot)
         if address:
             return (address,)
         return self._expected.get(robot) or tuple(map(_oldest_address, self._defaults.values()))
 
-    def learn(
+    def learn_source(
         self, robot: RobotKey, codec: Codec, scheme: TopicScheme, message: Dated, *, retained: bool
     ) -> bool:
         """Store the source of a message of ``robot``, to which answers are sent.
@@ -275,15 +273,6 @@ def _interface_name(vehicle: Vehicle) -> str | None:
         raise ConfigurationError([message]) from error
 
 
-def _require_storable(robot: RobotKey, vehicle: Vehicle) -> None:
-    if len(str(robot)) > KEY_LENGTH:
-        message = (
-            f"plant: vehicle '{vehicle.name[:60]}': manufacturer and serial number have more than "
-            f"{KEY_LENGTH} characters together"
-        )
-        raise ConfigurationError([message])
-
-
 HEADER_ID_COUNT: Final = 2**32
 
 
@@ -304,7 +293,7 @@ class Outgoing:
         self._epoch = epoch or None
         self._header_ids = {} if header_ids is None else header_ids
 
-    def message(self, output: Publish, version: str) -> tuple[Topic, Message]:
+    def make_message(self, output: Publish, version: str) -> tuple[Topic, Message]:
         """Return the message and its topic."""
         match output:
             case PublishOrder():
@@ -358,10 +347,6 @@ again although the robots' answers were there."""
 
 LOGGED_OF_NAME: Final = 60
 """Characters of a name that is too long."""
-
-
-def _fingerprint_of(topic: str, payload: bytes) -> int:
-    return hash((topic, payload))
 
 
 class FleetListener(Protocol):
@@ -422,7 +407,7 @@ class FleetLink:
         self._rate = MessageRate(settings.messages_per_second, settings.messages_burst)
         self._subscribe_to(Topic.CONNECTION, Connection, self._controller.on_connection, qos=1)
         for robot in addresses.expected:
-            for address in addresses.of(robot):
+            for address in addresses.addresses_of(robot):
                 mqtt.subscribe_by_name(address.scheme.of(robot, Topic.CONNECTION))
         self._subscribe_to(Topic.FACTSHEET, Factsheet, self._controller.on_factsheet, qos=settings.qos)
         self._subscribe_to(Topic.STATE, State, self._controller.on_state, qos=settings.qos)
@@ -482,10 +467,6 @@ class FleetLink:
         """Return the known state of a robot; LinkStatus.UNKNOWN if it never reported."""
         return self._controller.view(robot, self._now())
 
-    def state(self, robot: RobotKey) -> State | None:
-        """Return the last state of a robot; None if it never reported one."""
-        return self._controller.state(robot)
-
     async def _check_periodically(self) -> None:
         await asyncio.sleep(self._settings.tick_interval)
         await self._mqtt.read_waiting(READ_WITHIN)
@@ -499,11 +480,9 @@ class FleetLink:
             self._hand_out(outputs)
 
     def _notice_broker(self) -> None:
-        """Report changes of our own link to the core, periodically and with each received message.
-
-        In a new term of leadership, robots must report before they are sent orders: what is known about them
-        may be older than the leadership of another order service.
-        """
+        """Report changes of our own link to the core, periodically and with each received message."""
+        # In a new term of leadership, what is known about robots may be older than the leadership of another
+        # order service: they must report before they are sent orders.
         link = self._mqtt.state
         unread = link.connected and link.term != self._term
         if link.connected is self._connected and not unread:
@@ -515,7 +494,7 @@ class FleetLink:
 
     def _check_command(self, inbound: Inbound) -> None:
         """Log an error if another program commands robots; the broker returns our own commands as well."""
-        if not inbound.payload or _fingerprint_of(inbound.topic, inbound.payload) in self._sent:
+        if not inbound.payload or hash((inbound.topic, inbound.payload)) in self._sent:
             return
         if self.statistics.foreign % MALFORMED_LOGGED_EACH == 0:
             log.error(
@@ -527,25 +506,22 @@ class FleetLink:
             )
         self.statistics.foreign += 1
 
-    def _remember_sent(self, topic: str, payload: bytes) -> None:
-        if len(self._sent) >= SENT_REMEMBERED:
-            del self._sent[next(iter(self._sent))]
-        self._sent[_fingerprint_of(topic, payload)] = None
-
     def _subscribe_to(self, topic: Topic, kind: type[M], take: Take[M], *, qos: int) -> None:
         """Subscribe to a topic of all robots; ``take`` receives valid, current messages."""
 
-        def handle(scheme: TopicScheme, inbound: Inbound) -> None:
+        def count_and_read(scheme: TopicScheme, inbound: Inbound) -> None:
             self.statistics.received[topic] += 1
-            read(scheme, inbound)
+            read_inbound(scheme, inbound)
 
-        def read(scheme: TopicScheme, inbound: Inbound) -> None:
-            robot_message = self._read_message(kind, scheme, inbound, later=partial(read, scheme, inbound))
+        def read_inbound(scheme: TopicScheme, inbound: Inbound) -> None:
+            robot_message = self._read_message(
+                kind, scheme, inbound, later=partial(read_inbound, scheme, inbound)
+            )
             if robot_message:
                 self._hand_out(take(*robot_message, self._now()))
 
         for scheme in self._addresses.schemes:
-            self._mqtt.subscribe(scheme.for_all(topic), partial(handle, scheme), qos=qos)
+            self._mqtt.subscribe(scheme.for_all(topic), partial(count_and_read, scheme), qos=qos)
 
     def _read_message(
         self, kind: type[M], scheme: TopicScheme, inbound: Inbound, *, later: Callable[[], None]
@@ -574,11 +550,11 @@ class FleetLink:
             return None
         codec = nearest_codec(message.version)
         assert codec, "the reader took one of its major version"  # noqa: S101 - for the type
-        dialect = self._addresses.dialect(robot)
+        dialect = self._addresses.dialect_of(robot)
         if kind is State and dialect.keeps_last_node_states:
-            outdated = self._last_nodes.outdated(robot, message, self._controller.vda_order(robot))
-            message = dialect.understood(message, outdated=outdated)
-        is_current = self._addresses.learn(robot, codec, scheme, message, retained=inbound.retained)
+            outdated = self._last_nodes.may_be_outdated(robot, message, self._controller.vda_order(robot))
+            message = dialect.to_standard(message, outdated=outdated)
+        is_current = self._addresses.learn_source(robot, codec, scheme, message, retained=inbound.retained)
         return (
             (robot, message) if is_current and self._is_new(kind, robot, message.header_id, inbound) else None
         )
@@ -590,10 +566,8 @@ class FleetLink:
         header_id: int,
         inbound: Inbound,
     ) -> bool:
-        """Return False for an old state of a robot whose timestamps cannot be read.
-
-        The time of arrival replaces such a timestamp, so an old state would look new.
-        """
+        """Return False for an old state of a robot whose timestamps cannot be read."""
+        # The reader replaces such a timestamp by the time of arrival, with which an old state would look new.
         if kind is Connection:
             self._undated.pop(robot, None)
         if kind is not State or not self._reader.undated:
@@ -658,7 +632,7 @@ class FleetLink:
     def _publish_output(self, output: Publish, now: float) -> None:
         refused, robot = self._mqtt.state.refused_names, output.robot
         unheard = refused and self.view(robot).link is LinkStatus.UNKNOWN
-        for address in self._addresses.of(robot):
+        for address in self._addresses.addresses_of(robot):
             # A broker that refuses a name may end the connection of who publishes to it (NATS); nothing is
             # ever heard of such a robot.
             if refused and address.scheme.of(robot, Topic.CONNECTION) in refused and unheard:
@@ -666,21 +640,25 @@ class FleetLink:
             self._publish_to(address, output, now)
 
     def _publish_to(self, address: RobotAddress, output: Publish, now: float) -> None:
-        topic, message = self._outgoing.message(output, address.codec.version)
-        dialect = self._addresses.dialect(output.robot)
+        topic, message = self._outgoing.make_message(output, address.codec.version)
+        dialect = self._addresses.dialect_of(output.robot)
         try:
-            payload = dialect.renamed(topic, address.codec.encode(dialect.fitted(message)))
+            payload = dialect.rename_keys(topic, address.codec.encode(dialect.to_readable(message)))
         except (MalformedMessageError, ValidationError):
             log.exception(
                 "message not supported by the robot's VDA 5050 version", robot=str(output.robot), topic=topic
             )
             return
+        # A broker that ends the connection at a message would do so again at every resend, and nobody else
+        # would be commanded meanwhile.
         place = address.scheme.of(output.robot, topic)
         if place in self._mqtt.state.set_aside and topic is Topic.ORDER:
             self._hand_out(self._controller.control(output.robot).on_undeliverable(place, now))
             return
-        if topic in COMMANDS:
-            self._remember_sent(place, payload)
+        if topic in COMMANDS:  # the broker returns it to us, see _check_command
+            if len(self._sent) >= SENT_REMEMBERED:
+                del self._sent[next(iter(self._sent))]
+            self._sent[hash((place, payload))] = None
         for listener in self.listeners:
             listener.published(topic, output, now)
         self._mqtt.publish(Outbound(place, payload, qos=self._settings.qos, keep=False))

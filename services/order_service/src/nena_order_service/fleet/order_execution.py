@@ -101,7 +101,7 @@ class Progress:
 def read_progress(state: State, vda_order: VdaOrder) -> Progress:
     """Read the progress from a state that echoes the VDA order (section 6.6.2)."""
     ids, final = vda_order.action_ids, vda_order.final_action_ids
-    # 6.2.2: an edge's action ends with the edge, and robots report such an end as FAILED as well. Those of
+    # 6.6.2: an edge's action ends with the edge, and robots report such an end as FAILED as well. Those of
     # edges that the robot has left are no failures.
     left_behind: set[str] = set()
     if vda_order.edges_with_actions:

@@ -272,8 +272,8 @@ def _stops_of_route(
 
     The start is a temporary node at the robot's pose, if it must drive or turn to be at its start point.
     """
-    # Without steps, a robot that stands at its goal with another heading has to turn there. Robots skip a
-    # node that they are on (6.6.2), so the turn needs a node to come from.
+    # Without steps, a robot that stands at its goal may still have to turn there. The first node counts as
+    # reached at once (6.6.2), so the turn needs a second one.
     turns = False
     if route is not None and not route.steps and standing.pose is not None:
         wanted = _heading_at(plant, profile, standing.point, rules)
