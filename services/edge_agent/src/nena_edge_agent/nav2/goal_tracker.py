@@ -314,22 +314,16 @@ class GoalTracker:
         self._report_table()
         drive = self._drive
         if drive is not None and drive.times_sent:
-            self._bind_goal_id(drive, changes.claimed)
+            # SimpleActionServer (nav2_util) has one pending slot: a newer goal ends the older one as aborted.
+            if changes.claimed:
+                drive.goal_id, drive.reached_at = changes.claimed[-1], None
+            elif drive.goal_id is None and drive is self._sent_for:
+                # The server lists a goal sent by the action even if its answer was lost.
+                listed = [goal_id for goal_id in self._sent if self._registry.status(goal_id) is not None]
+                drive.goal_id = listed[-1] if listed else None
         if drive is not None and drive.goal_id is not None and drive.reached_at is None:
             self._follow_status(drive, drive.goal_id, now, lost=drive.goal_id in changes.lost)
         return self._advance_all(now)
-
-    def _bind_goal_id(self, drive: GoalDrive, claimed: tuple[str, ...]) -> None:
-        """Follow the new ID that is ours: of a goal sent twice, the server drives the last accepted one.
-
-        A goal sent by the action is in the array even if the response was lost.
-        """
-        # SimpleActionServer (nav2_util) has one pending slot: a newer goal ends the older one with ABORTED.
-        if claimed:
-            drive.goal_id, drive.reached_at = claimed[-1], None
-        elif drive.goal_id is None and drive is self._sent_for:
-            listed = [goal_id for goal_id in self._sent if self._registry.status(goal_id) is not None]
-            drive.goal_id = listed[-1] if listed else None
 
     def on_other_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
         """Handle the status array of the action that this agent does not use."""
@@ -485,7 +479,11 @@ class GoalTracker:
         self._await_reason(now)
         if self._registry.end_yielding(now):
             self._report_table()
-        self._request_result()
+        # Once per goal, also for one of an earlier run or sent by topic: only the result has the error code.
+        goal_id = self.goal_id
+        if goal_id is not None and goal_id != self._result_requested:
+            self._result_requested = goal_id
+            self._out.append(RequestResult(goal_id, self._server))
         self._answer_halt(now)
         self._judge_arrival(now)
         self._send_or_give_up(now)
@@ -530,13 +528,6 @@ class GoalTracker:
             self._follow_status(drive, drive.goal_id, now, lost=False)
         else:
             self._aborted = None
-
-    def _request_result(self) -> None:
-        """Request the result of the current goal once, also of one of an earlier run or sent by topic."""
-        goal_id = self.goal_id
-        if goal_id is not None and goal_id != self._result_requested:
-            self._result_requested = goal_id
-            self._out.append(RequestResult(goal_id, self._server))
 
     def _fail_aborted(self, drive: GoalDrive, goal_id: str) -> None:
         successor, (failed_id, code, meaning) = self._registry.taken_over(goal_id), self._reason
@@ -745,7 +736,12 @@ class GoalTracker:
     def _continue_earlier(self, drive: GoalDrive, now: float) -> bool:
         """Continue the goal of an earlier run, if it has the same pose and is active or succeeded."""
         goals, self._reclaimed = self._reclaimed, None
-        goal_id, place = self._earlier_goal(goals) if goals else (None, None)
+        if goals is None:
+            return False
+        # The goal that the earlier run sent last may not be journalled as accepted: it is newer than those.
+        goal_id, place = self._registry.given_before, goals.given
+        if not goal_id:
+            goal_id, place = next(reversed(goals.goal_ids), None), goals.pose
         if goal_id is None or place is None or not _same_place(place, drive.goal):
             return False
         status = self._registry.status(goal_id)
@@ -759,12 +755,6 @@ class GoalTracker:
         drive.interrupted = True  # the earlier run may have stopped its controller, or preempted another goal
         drive.reached_at = now if reached else None
         return True
-
-    def _earlier_goal(self, goals: OwnGoals) -> tuple[str | None, Pose | None]:
-        """Return the newest goal of an earlier run that may still be active, and its pose."""
-        if self._registry.given_before:
-            return self._registry.given_before, goals.given
-        return next(reversed(goals.goal_ids), None), goals.pose
 
     def _release_reclaimed(self, now: float) -> None:
         """Release the goal of an earlier run if the order does not request it within ``RECLAIM_TIME``."""

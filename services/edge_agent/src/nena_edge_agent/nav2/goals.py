@@ -189,7 +189,11 @@ class GoalRegistry:
         another 20 s.
         """
         # DDS notices a killed publisher by its lease, 20 s later; a restarted one appears beside it.
-        servers = self._without_crashed(servers)
+        if servers - self._servers - self._replaced:
+            self._replaced |= self._servers
+        # One that outlives its successors had not crashed.
+        self._replaced &= servers
+        servers = servers - self._replaced or servers
         gone = self._servers - servers
         if gone or not self._servers:
             self._servers_since = now if servers else None
@@ -202,13 +206,6 @@ class GoalRegistry:
             self._claims = 0
             self._given_behind = None
         return bool(gone)
-
-    def _without_crashed(self, servers: frozenset[str]) -> frozenset[str]:
-        """Remove servers that others have replaced; one that outlives its successors had not crashed."""
-        if servers - self._servers - self._replaced:
-            self._replaced |= self._servers
-        self._replaced &= servers
-        return servers - self._replaced or servers
 
     def reclaim(self, goal_ids: Sequence[str], given_behind: str | None = None) -> None:
         """Treat these as ours once they are listed: an earlier run of the program sent them.
@@ -300,7 +297,11 @@ class GoalRegistry:
     def update(self, entries: Sequence[GoalEntry], now: float) -> StatusChanges:
         """Handle an array; ignore a late one."""
         self._expire_claims(now)
-        if self._is_late(entries):
+        # Arrays list goals in the order of acceptance (rcl_action_get_goal_status_array): one that lacks the
+        # newest known goal is older than the last one.
+        newest = next(reversed(self._goals), None)
+        listed = {entry.goal_id for entry in entries}
+        if newest is not None and newest not in listed and listed <= self._goals.keys():
             return StatusChanges((), frozenset())
         # The first array is latched: it may list goals of hours before.
         first, self._array_seen = not self._array_seen, True
@@ -310,7 +311,11 @@ class GoalRegistry:
             [entry.goal_id for entry in entries if entry.goal_id not in previous], first=first
         )
         for entry in entries:
-            ours = self._is_ours(entry.goal_id, claimed)
+            ours = (
+                self._prefix.matches(entry.goal_id)
+                or entry.goal_id in claimed
+                or entry.goal_id in self._orphans
+            )
             goal = self._goals[entry.goal_id] = _merge_status(previous.get(entry.goal_id), entry, ours=ours)
             goal.past = goal.past or (first and goal.status.terminal and not ours)
         self._orphans = frozenset()
@@ -321,16 +326,6 @@ class GoalRegistry:
             if goal.ours and not goal.status.terminal and goal_id not in self._goals
         )
         return StatusChanges(claimed, lost)
-
-    def _is_late(self, entries: Sequence[GoalEntry]) -> bool:
-        """Return whether a newer array was already received: it had a goal that this one lacks."""
-        # Arrays list goals in the order of acceptance (rcl_action_get_goal_status_array).
-        newest = next(reversed(self._goals), None)
-        listed = {entry.goal_id for entry in entries}
-        return newest is not None and newest not in listed and listed <= self._goals.keys()
-
-    def _is_ours(self, goal_id: str, claimed: Sequence[str]) -> bool:
-        return self._prefix.matches(goal_id) or goal_id in claimed or goal_id in self._orphans
 
     def _claim_ids(self, fresh: Sequence[str], *, first: bool) -> tuple[str, ...]:
         """Return the new IDs that are ours: of a first array, which lists old goals, at most the last one."""
