@@ -176,7 +176,14 @@ class Nav2Driver:
                 "the start, or install nena-edge-agent[ros]"
             )
             raise StartError(message) from error
-        self._check_types()
+        from nena_edge_agent.nav2.action_client import action_type  # noqa: PLC0415 - loads rclpy
+
+        if self._settings.by_action_only and action_type(self._settings.navigation) is None:
+            message = (
+                "nav2_msgs cannot be loaded: source the robot's ROS installation with Nav2 before the start, "
+                "or set ros.navigation = topics"
+            )
+            raise StartError(message)
         self._transforms.check()
         if self._settings.start_session:
             with suppress(SessionError):  # reported, and retried
@@ -186,21 +193,6 @@ class Nav2Driver:
         await self._stack.enter_async_context(self._tasks)
         self._tasks.start("watch Nav2", forever("watch Nav2", self._watch_nav2), vital=False)
         self._tasks.start("watch the drive", forever("watch the drive", self._check_servers), vital=False)
-
-    def _check_types(self) -> None:
-        """Check that the installation has the types of the action, if the settings require it.
-
-        Raises:
-            StartError: they cannot be loaded.
-        """
-        from nena_edge_agent.nav2.action_client import action_type  # noqa: PLC0415 - loads rclpy
-
-        if self._settings.by_action_only and action_type(self._settings.navigation) is None:
-            message = (
-                "nav2_msgs cannot be loaded: source the robot's ROS installation with Nav2 before the start, "
-                "or set ros.navigation = topics"
-            )
-            raise StartError(message)
 
     async def stop(self) -> None:
         """Stop the robot if it still drives for us, then leave the ROS graph; no more events follow."""
@@ -409,7 +401,12 @@ class Nav2Driver:
         await self.session.look()
         async with self.session.step:
             if self._node is not None:
-                self._check_transforms()
+                lost = bool(self._transforms.problem)
+                self._transforms.look()
+                if self._transforms.problem:
+                    self._tracker.forget_pose()
+                if lost or self._transforms.problem:
+                    self._report_pose()
                 # The bond of Nav2's lifecycle manager takes 4 s; a planner is missed only at the next
                 # replanning.
                 self._check_planner(self._node)
@@ -431,7 +428,11 @@ class Nav2Driver:
         await self._read_limits(report)
         self._on_navigation(seen.servers, self._while_map_stays(report))
         self._watch_localiser(seen)
-        self._watch_keep_out()
+        kept_out = self._keep_out.look(self._clock.monotonic()) if self._keep_out and self._areas else None
+        if kept_out is not None and kept_out != self._kept_out:
+            self._kept_out = kept_out
+            self._log.info("keep-out mask is used" if not kept_out.problem else "keep-out mask is not used")
+            self._report_event(kept_out)
         self._watch_drive()
         if self._collision is not None:
             self._collision.look()
@@ -443,14 +444,6 @@ class Nav2Driver:
         self._tracker.navigator.by_action = by_action
         return by_action
 
-    def _watch_keep_out(self) -> None:
-        """Report whether Nav2 plans around the areas to avoid."""
-        report = self._keep_out.look(self._clock.monotonic()) if self._keep_out and self._areas else None
-        if report is not None and report != self._kept_out:
-            self._kept_out = report
-            self._log.info("keep-out mask is used" if not report.problem else "keep-out mask is not used")
-            self._report_event(report)
-
     async def _check_servers(self) -> None:
         """Check the driving servers more often than the rest of Nav2, to stop soon after a crash."""
         await asyncio.sleep(GLANCE)
@@ -461,14 +454,6 @@ class Nav2Driver:
     def _check_planner(self, node: Nav2Node) -> None:
         if self._planner.look(node.planners()):
             self._execute_all(self._tracker.navigator.on_planner_gone(self._clock.monotonic()))
-
-    def _check_transforms(self) -> None:
-        lost = bool(self._transforms.problem)
-        self._transforms.look()
-        if self._transforms.problem:
-            self._tracker.forget_pose()
-        if lost or self._transforms.problem:
-            self._report_pose()
 
     def _with_limits(self, report: NavigationReport) -> NavigationReport:
         """Wait for a controller that accepts speed limits if the next goal has one."""

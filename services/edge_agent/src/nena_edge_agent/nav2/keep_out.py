@@ -183,19 +183,16 @@ class KeepOutMask:
         self._unused_since = now if self._unused_since is None else self._unused_since
         return KeepOutReport(problem) if now - self._unused_since >= DISCOVERY else None
 
-    def _create_publishers(self) -> None:
-        from nav_msgs.msg import OccupancyGrid  # noqa: PLC0415 - the loopback needs no ROS
-
-        from nena_edge_agent.nav2.session import LATCHED  # noqa: PLC0415
-
-        names = self._settings.names
-        self._grid, self._info = OccupancyGrid, interface(FILTER_INFO)
-        self._masks = self._node.create_publisher(OccupancyGrid, names.zone_mask, LATCHED)
-        self._infos = self._node.create_publisher(self._info, names.zone_filter_info, LATCHED)
-
     def _publish_mask(self, mask: Mask) -> None:
-        if self._masks is None:
-            self._create_publishers()
+        if self._masks is None:  # a robot whose plant never closes an area needs no publishers
+            from nav_msgs.msg import OccupancyGrid  # noqa: PLC0415 - the loopback needs no ROS
+
+            from nena_edge_agent.nav2.session import LATCHED  # noqa: PLC0415
+
+            names = self._settings.names
+            self._grid, self._info = OccupancyGrid, interface(FILTER_INFO)
+            self._masks = self._node.create_publisher(OccupancyGrid, names.zone_mask, LATCHED)
+            self._infos = self._node.create_publisher(self._info, names.zone_filter_info, LATCHED)
         grid = self._grid()
         grid.header.frame_id = self._settings.frame
         grid.info.resolution, grid.info.width, grid.info.height = mask.resolution, mask.width, mask.height

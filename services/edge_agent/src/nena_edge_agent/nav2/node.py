@@ -138,7 +138,7 @@ class Nav2Node:
             lifecycle=self._lifecycle_watch.judge(
                 there=there, active=None if active is None else bool(active.success)
             ),
-            localisers=self._publisher_ids(self._settings.names.pose),
+            localisers=endpoints(self._node.get_publishers_info_by_topic(self._settings.names.pose)),
             localiser=self._localiser_watch.judge(
                 there=localiser,
                 active=None if state is None else state.current_state.id == State.PRIMARY_STATE_ACTIVE,
@@ -150,10 +150,6 @@ class Nav2Node:
         names = self._settings.names
         publishers = self._node.get_publishers_info_by_topic(names.plan)
         return endpoints(publishers, node_name=names.planner.rpartition("/")[2])
-
-    def _publisher_ids(self, topic: str) -> frozenset[str]:
-        """Return the endpoint IDs of a topic's publishers."""
-        return endpoints(self._node.get_publishers_info_by_topic(topic))
 
     async def _call_service(self, client: Any, request: Any) -> Any:  # noqa: ANN401 - rclpy carries no types
         return await self._session.call(client, request, seconds=self._settings.call_timeout)
