@@ -45,23 +45,16 @@ async def look(settings: RosSettings) -> RosView:
         view = await probe.look()
     if view.nodes:
         return view
-    likely = {0, _domain_of_environment()} - {settings.domain_id}
-    return RosView(
-        busy_domains=tuple(
-            [domain_id for domain_id in sorted(likely) if await _is_inhabited(settings, domain_id)]
-        )
-    )
-
-
-async def _is_inhabited(settings: RosSettings, domain_id: int) -> bool:
-    probe = _Probe(settings.model_copy(update={"domain_id": domain_id}))
-    async with probe.running():
-        return await probe.sees_nodes(LOOK_ELSEWHERE)
-
-
-def _domain_of_environment() -> int:
+    # A robot whose domain is not set runs in 0, or in that of the shell from which it was started.
     text = os.environ.get("ROS_DOMAIN_ID", "0")
-    return int(text) if text.isdecimal() and int(text) <= 232 else 0  # noqa: PLR2004 - the maximum of ROS
+    domain_of_shell = int(text) if text.isdecimal() and int(text) <= 232 else 0  # noqa: PLR2004 - ROS's maximum
+    busy_domains = []
+    for domain_id in sorted({0, domain_of_shell} - {settings.domain_id}):
+        probe = _Probe(settings.model_copy(update={"domain_id": domain_id}))
+        async with probe.running():
+            if await probe.sees_nodes(LOOK_ELSEWHERE):
+                busy_domains.append(domain_id)
+    return RosView(busy_domains=tuple(busy_domains))
 
 
 class _Probe:
