@@ -7,7 +7,7 @@ import pytest
 from nena_order_service.engine.zone_sets import (
     FIRST_PAUSE,
     LONGEST_PAUSE,
-    Wanted,
+    WantedZoneSet,
     ZoneDistribution,
     ZoneStep,
 )
@@ -28,29 +28,31 @@ def at_robot(status: str) -> list[ZoneSetState]:
 @pytest.mark.parametrize(
     ("status", "wanted", "steps"),
     [
-        ("", Wanted(zone_set=SET), [ZoneStep.SEND]),
-        ("DISABLED", Wanted(zone_set=SET), []),
-        ("DISABLED", Wanted(zone_set=SET, enabled=True), [ZoneStep.ENABLE]),
-        ("ENABLED", Wanted(zone_set=SET, enabled=True), []),
-        ("ENABLED", Wanted(zone_set=SET), []),
-        ("DISABLED", Wanted(zone_set=SET, deleted=True), [ZoneStep.DELETE]),
-        ("", Wanted(zone_set=SET, deleted=True), []),
+        ("", WantedZoneSet(zone_set=SET), [ZoneStep.SEND]),
+        ("DISABLED", WantedZoneSet(zone_set=SET), []),
+        ("DISABLED", WantedZoneSet(zone_set=SET, enabled=True), [ZoneStep.ENABLE]),
+        ("ENABLED", WantedZoneSet(zone_set=SET, enabled=True), []),
+        ("ENABLED", WantedZoneSet(zone_set=SET), []),
+        ("DISABLED", WantedZoneSet(zone_set=SET, deleted=True), [ZoneStep.DELETE]),
+        ("", WantedZoneSet(zone_set=SET, deleted=True), []),
     ],
 )
-def test_steps_to_the_target_status_are_due(status: str, wanted: Wanted, steps: list[ZoneStep]) -> None:
+def test_steps_to_the_target_status_are_due(
+    status: str, wanted: WantedZoneSet, steps: list[ZoneStep]
+) -> None:
     states = at_robot(status) if status else []
-    due = ZoneDistribution().due(ROBOT, states, {"s1": wanted}, 0.0)
+    due = ZoneDistribution().due_steps(ROBOT, states, {"s1": wanted}, 0.0)
     assert [each.step for each in due] == steps
 
 
 def test_steps_are_retried_with_growing_delays_until_confirmed() -> None:
-    distribution, wanted = ZoneDistribution(), {"s1": Wanted(zone_set=SET)}
-    times = [now for now in range(5000) if list(distribution.due(ROBOT, [], wanted, float(now)))]
+    distribution, wanted = ZoneDistribution(), {"s1": WantedZoneSet(zone_set=SET)}
+    times = [now for now in range(5000) if list(distribution.due_steps(ROBOT, [], wanted, float(now)))]
     pauses = [later - earlier for earlier, later in pairwise(times)]
     assert pauses[:3] == [FIRST_PAUSE, 2 * FIRST_PAUSE, 4 * FIRST_PAUSE]
     assert max(pauses) == LONGEST_PAUSE
-    distribution.note(ROBOT, "s1", "too many zones")
-    assert distribution.noted(ROBOT, "s1") == "too many zones"
-    assert list(distribution.due(ROBOT, at_robot("DISABLED"), wanted, 5000.0)) == []
-    assert distribution.noted(ROBOT, "s1") == ""
-    assert [each.step for each in distribution.due(ROBOT, [], wanted, 5001.0)] == [ZoneStep.SEND]
+    distribution.record_result(ROBOT, "s1", "too many zones")
+    assert distribution.last_result(ROBOT, "s1") == "too many zones"
+    assert list(distribution.due_steps(ROBOT, at_robot("DISABLED"), wanted, 5000.0)) == []
+    assert distribution.last_result(ROBOT, "s1") == ""
+    assert [each.step for each in distribution.due_steps(ROBOT, [], wanted, 5001.0)] == [ZoneStep.SEND]

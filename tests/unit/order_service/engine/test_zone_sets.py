@@ -59,7 +59,7 @@ async def test_a_robot_that_cannot_enable_a_zone_set_is_shown_with_its_reason(
     answer: asyncio.Future[InstantActionEnded] = asyncio.Future()
     monkeypatch.setattr(Engine, "view", lambda *_: last)
     monkeypatch.setattr(Engine, "send_instant_action", lambda *_: answer)
-    service.hosts.zones.look()
+    service.hosts.zones.send_due_steps()
     enable = Action(action_type="enableZoneSet", action_id="1", blocking_type=BlockingType.NONE)
     reason = Reason.of("the action failed")
     failure = InstantActionEnded(vehicle.key, enable, ActionStatus.FAILED, reason, result="no such map")

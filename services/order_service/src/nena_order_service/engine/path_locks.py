@@ -30,11 +30,11 @@ class PathLocks:
 
     def all(self) -> tuple[PathStatus, ...]:
         """Return all paths."""
-        return tuple(self._status(path) for path in self._plant.paths)
+        return tuple(map(self._status_of, self._plant.paths))
 
     def get(self, name: str) -> PathStatus:
         """Return a path; raises UnknownPathError."""
-        return self._status(self._path(name))
+        return self._status_of(self._existing_path(name))
 
     async def set(self, name: str, *, locked: bool) -> PathStatus:
         """Lock or unlock a path; the change is committed on return.
@@ -44,25 +44,26 @@ class PathLocks:
             StoreNotReadyError: the change may be lost.
 
         """
-        path = self._path(name)
+        path = self._existing_path(name)
         changes = Changes()
         changes.path_locks[name] = locked
-        await self._engine.unit_of_work.commit(changes, lambda: self._committed(name, locked=locked))
-        return self._status(path)
 
-    def _committed(self, name: str, *, locked: bool) -> None:
-        log.info("path locked" if locked else "path unlocked", path=name)
-        self._locked_paths.lock(by_hosts={**self._locked_paths.by_hosts, name: locked})
-        if not self._engine.unit_of_work.closed:  # otherwise the new engine loads it from the store
-            self._engine.plant_changed()
+        def apply_committed() -> None:
+            log.info("path locked" if locked else "path unlocked", path=name)
+            self._locked_paths.lock(by_hosts={**self._locked_paths.by_hosts, name: locked})
+            if not self._engine.unit_of_work.closed:  # otherwise the new engine loads it from the store
+                self._engine.plant_changed()
 
-    def _path(self, name: str) -> Path:
+        await self._engine.unit_of_work.commit(changes, apply_committed)
+        return self._status_of(path)
+
+    def _existing_path(self, name: str) -> Path:
         path = self._plant.paths_by_name.get(name)
         if path is None:
             raise UnknownPathError(name)
         return path
 
-    def _status(self, path: Path) -> PathStatus:
+    def _status_of(self, path: Path) -> PathStatus:
         stop = self._locked_paths.by_stops.get(path.name)
         return PathStatus(
             name=path.name,

@@ -33,7 +33,7 @@ FIRST_PAUSE = 10.0
 LONGEST_PAUSE = 600.0
 
 
-class Wanted(BaseModel):
+class WantedZoneSet(BaseModel):
     """A zone set, and its target status on the robots."""
 
     model_config = ConfigDict(frozen=True)
@@ -52,7 +52,7 @@ class ZoneStep(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Due:
+class DueStep:
     """A step that is due on a robot now."""
 
     robot: RobotKey
@@ -74,44 +74,43 @@ class ZoneDistribution:
     def __init__(self) -> None:
         self._tries: dict[tuple[RobotKey, str], _Try] = {}
 
-    def due(
+    def due_steps(
         self,
         robot: RobotKey,
         states: Iterable[ZoneSetState],
-        wanted: Mapping[str, Wanted],
+        wanted: Mapping[str, WantedZoneSet],
         now: float,
-    ) -> Iterator[Due]:
+    ) -> Iterator[DueStep]:
         """Yield the steps due on a robot that reports ``states``; ``now`` is in monotonic seconds."""
-        known = {each.zone_set_id: each.zone_set_status for each in states}
-        for name, each in wanted.items():
-            step = _step(each, known.get(name))
+        reported = {zone_set.zone_set_id: zone_set.zone_set_status for zone_set in states}
+        for name, zone_set in wanted.items():
+            step = _next_step(zone_set, reported.get(name))
+            last = self._tries.get((robot, name))
             if step is None:
                 self._tries.pop((robot, name), None)
-            elif self._begins(robot, name, step, now):
-                yield Due(robot, name, step)
+            elif last is None or last.step is not step:
+                note = f"{step} was sent; no state confirms it yet"
+                self._tries[robot, name] = _Try(step, now + FIRST_PAUSE, FIRST_PAUSE, note)
+                yield DueStep(robot, name, step)
+            elif now >= last.again_at:
+                last.pause = min(last.pause * 2, LONGEST_PAUSE)
+                last.again_at = now + last.pause
+                yield DueStep(robot, name, step)
 
-    def note(self, robot: RobotKey, zone_set_id: str, text: str) -> None:
+    def record_result(self, robot: RobotKey, zone_set_id: str, text: str) -> None:
         """Record the result of the last attempt."""
-        if known := self._tries.get((robot, zone_set_id)):
-            known.note = text
+        if last := self._tries.get((robot, zone_set_id)):
+            last.note = text
 
-    def noted(self, robot: RobotKey, zone_set_id: str) -> str:
+    def last_result(self, robot: RobotKey, zone_set_id: str) -> str:
         """Return the last attempt and its result; empty if no step is pending."""
-        known = self._tries.get((robot, zone_set_id))
-        return known.note if known else ""
-
-    def _begins(self, robot: RobotKey, name: str, step: ZoneStep, now: float) -> bool:
-        before = self._tries.get((robot, name))
-        if before and before.step is step and now < before.again_at:
-            return False
-        again = before is not None and before.step is step
-        pause = min(before.pause * 2, LONGEST_PAUSE) if before and again else FIRST_PAUSE
-        note = before.note if before and again else f"{step} was sent; no state confirms it yet"
-        self._tries[robot, name] = _Try(step, now + pause, pause, note)
-        return True
+        last = self._tries.get((robot, zone_set_id))
+        return last.note if last else ""
 
 
-def _step(wanted: Wanted, status: RobotZoneSetStatus | None) -> ZoneStep | None:
+def _next_step(wanted: WantedZoneSet, status: RobotZoneSetStatus | None) -> ZoneStep | None:
+    # VDA 5050 3.0, 6.4: a robot has a new zone set DISABLED until enableZoneSet, with which it disables the
+    # others of the same map: to disable one, nothing is sent.
     if wanted.deleted:
         return None if status is None else ZoneStep.DELETE
     if status is None:
@@ -120,7 +119,7 @@ def _step(wanted: Wanted, status: RobotZoneSetStatus | None) -> ZoneStep | None:
 
 
 KIND = "zoneSet"
-LOOK_INTERVAL = 1.0
+CHECK_INTERVAL = 1.0
 """Seconds between checks of the robots' zone sets."""
 
 
@@ -130,9 +129,9 @@ class ZoneSets:
     def __init__(self, engine: Engine, send: Callable[[RobotKey, ZoneSet], None]) -> None:
         """Store zone sets in the engine's store; ``send`` publishes one to a robot."""
         self._engine = engine
-        self._send = send
-        self._wanted: dict[str, Wanted] = {}
-        self._asked: dict[str, Wanted] = {}
+        self._send_zone_set = send
+        self._wanted: dict[str, WantedZoneSet] = {}
+        self._requested: dict[str, WantedZoneSet] = {}
         """The state including uncommitted requests of hosts; new requests are checked against it."""
         self._distribution = ZoneDistribution()
 
@@ -140,21 +139,28 @@ class ZoneSets:
         """Restore the zone sets from before a restart."""
         for name, document in (await self._engine.store.documents(KIND)).items():
             try:
-                self._wanted[name] = self._asked[name] = Wanted.model_validate_json(document)
+                self._wanted[name] = self._requested[name] = WantedZoneSet.model_validate_json(document)
             except ValidationError:
                 log.exception("stored zone set is unreadable", zone_set=name)
 
     async def run(self) -> None:
         """Bring robots to the target status periodically, until cancelled."""
-        await forever("zone sets", self._look_later)
+
+        async def check_later() -> None:
+            await asyncio.sleep(CHECK_INTERVAL)
+            self.send_due_steps()
+
+        await forever("zone sets", check_later)
 
     def all(self) -> tuple[ZoneSetStatus, ...]:
         """Return all zone sets."""
-        return tuple(self._status(each) for each in self._wanted.values())
+        return tuple(map(self._status_of, self._wanted.values()))
 
     def get(self, name: str) -> ZoneSetStatus:
         """Return a zone set; raises UnknownZoneSetError."""
-        return self._status(self._known(name))
+        if name not in self._wanted:
+            raise UnknownZoneSetError(name)
+        return self._status_of(self._wanted[name])
 
     async def put(self, zone_set: ZoneSet) -> ZoneSetStatus:
         """Store a zone set for all robots; the change is committed on return.
@@ -163,57 +169,51 @@ class ZoneSets:
             ZoneSetChangedError: a different zone set with this ID is stored.
             StoreNotReadyError: the change may be lost.
         """
-        known = self._asked.get(zone_set.zone_set_id)
-        if known and known.zone_set != zone_set:
+        previous = self._requested.get(zone_set.zone_set_id)
+        # VDA 5050 3.0, 6.4: the content of a zoneSetId never changes; robots reject another one
+        # (DUPLICATE_ZONE_SET), and states, which name the ID only, would not show which one a robot has.
+        if previous and previous.zone_set != zone_set:
             raise ZoneSetChangedError(zone_set.zone_set_id)
-        enabled = known is not None and known.enabled and not known.deleted
-        return await self._change(Wanted(zone_set=zone_set, enabled=enabled))
+        enabled = previous is not None and previous.enabled and not previous.deleted
+        return await self._change(WantedZoneSet(zone_set=zone_set, enabled=enabled))
 
     async def enable(self, name: str) -> ZoneSetStatus:
         """Enable a zone set on the robots, instead of any other one of its map."""
-        wanted = self._asked_for(name)
+        wanted, map_id = self._requested_state(name), self._requested_state(name).zone_set.map_id
         others = [
-            each.model_copy(update={"enabled": False})
-            for each in self._asked.values()
-            if each.enabled and each is not wanted and each.zone_set.map_id == wanted.zone_set.map_id
+            zone_set.model_copy(update={"enabled": False})
+            for zone_set in self._requested.values()
+            if zone_set.enabled and zone_set is not wanted and zone_set.zone_set.map_id == map_id
         ]
         return await self._change(wanted.model_copy(update={"enabled": True, "deleted": False}), *others)
 
     async def delete(self, name: str) -> ZoneSetStatus:
         """Delete a zone set on all robots, including those that connect later."""
         return await self._change(
-            self._asked_for(name).model_copy(update={"enabled": False, "deleted": True})
+            self._requested_state(name).model_copy(update={"enabled": False, "deleted": True})
         )
 
-    async def _change(self, wanted: Wanted, *others: Wanted) -> ZoneSetStatus:
-        changed = {each.zone_set.zone_set_id: each for each in (wanted, *others)}
+    async def _change(self, wanted: WantedZoneSet, *others: WantedZoneSet) -> ZoneSetStatus:
+        changed = {zone_set.zone_set.zone_set_id: zone_set for zone_set in (wanted, *others)}
         changes = Changes()
-        for name, each in changed.items():
-            changes.documents[KIND, name] = each.model_dump_json(by_alias=True, exclude_none=True)
+        for name, zone_set in changed.items():
+            changes.documents[KIND, name] = zone_set.model_dump_json(by_alias=True, exclude_none=True)
         self._engine.unit_of_work.require_store()
-        self._asked.update(changed)
-        await self._engine.unit_of_work.commit(changes, lambda: self._committed(changed))
-        return self._status(wanted)
+        self._requested.update(changed)
 
-    def _committed(self, changed: dict[str, Wanted]) -> None:
-        self._wanted.update(changed)
-        self.look()
+        def apply_committed() -> None:
+            self._wanted.update(changed)
+            self.send_due_steps()
 
-    def _known(self, name: str) -> Wanted:
-        if name not in self._wanted:
+        await self._engine.unit_of_work.commit(changes, apply_committed)
+        return self._status_of(wanted)
+
+    def _requested_state(self, name: str) -> WantedZoneSet:
+        if name not in self._requested:
             raise UnknownZoneSetError(name)
-        return self._wanted[name]
+        return self._requested[name]
 
-    def _asked_for(self, name: str) -> Wanted:
-        if name not in self._asked:
-            raise UnknownZoneSetError(name)
-        return self._asked[name]
-
-    async def _look_later(self) -> None:
-        await asyncio.sleep(LOOK_INTERVAL)
-        self.look()
-
-    def look(self) -> None:
+    def send_due_steps(self) -> None:
         """Send the steps that are due to online robots."""
         if not self._wanted:
             return
@@ -222,13 +222,13 @@ class ZoneSets:
             view = self._engine.view(vehicle)
             if view.link is LinkStatus.ONLINE and view.state and self._knows_zones(vehicle):
                 states = view.state.zone_sets or ()
-                for due in self._distribution.due(vehicle.key, states, self._wanted, now):
-                    self._do(vehicle, due)
+                for due in self._distribution.due_steps(vehicle.key, states, self._wanted, now):
+                    self._send_step(vehicle, due)
 
-    def _do(self, vehicle: FleetVehicle, due: Due) -> None:
+    def _send_step(self, vehicle: FleetVehicle, due: DueStep) -> None:
         log.info("zone set", robot=str(due.robot), zone_set=due.zone_set_id, step=due.step.value)
         if due.step is ZoneStep.SEND:
-            self._send(due.robot, self._wanted[due.zone_set_id].zone_set)
+            self._send_zone_set(due.robot, self._wanted[due.zone_set_id].zone_set)
             return
         action = Action(
             action_type=due.step.value,
@@ -237,21 +237,20 @@ class ZoneSets:
             action_parameters=(ActionParameter(key="zoneSetId", value=due.zone_set_id),),
         )
         end = self._engine.send_instant_action(vehicle, action)
-        end.add_done_callback(partial(self._ended, due))
+        end.add_done_callback(partial(self._on_action_ended, due))
 
-    def _ended(self, due: Due, end: asyncio.Future[InstantActionEnded]) -> None:
+    def _on_action_ended(self, due: DueStep, end: asyncio.Future[InstantActionEnded]) -> None:
         if not end.cancelled() and end.result().status is not ActionStatus.FINISHED:
             outcome = end.result()
-            words = ": ".join(filter(None, (str(outcome.reason), outcome.result)))
-            self._distribution.note(due.robot, due.zone_set_id, f"{due.step} failed: {words}")
+            problem = ": ".join(filter(None, (str(outcome.reason), outcome.result)))
+            self._distribution.record_result(due.robot, due.zone_set_id, f"{due.step} failed: {problem}")
 
     def _knows_zones(self, vehicle: FleetVehicle) -> bool:
         state = self._engine.view(vehicle).state
         codec = nearest_codec(state.version) if state else None
-        rules = codec.rules if codec else None
-        return rules is not None and rules.zones
+        return codec is not None and codec.rules.zones
 
-    def _status(self, wanted: Wanted) -> ZoneSetStatus:
+    def _status_of(self, wanted: WantedZoneSet) -> ZoneSetStatus:
         zone_set = wanted.zone_set
         return ZoneSetStatus(
             zone_set_id=zone_set.zone_set_id,
@@ -259,26 +258,26 @@ class ZoneSets:
             zones=len(zone_set.zones),
             outlines=tuple(
                 ZoneOutline(
-                    zone_id=each.zone_id,
-                    zone_type=each.zone_type,
-                    vertices=tuple((corner.x, corner.y) for corner in each.vertices),
+                    zone_id=zone.zone_id,
+                    zone_type=zone.zone_type,
+                    vertices=tuple((corner.x, corner.y) for corner in zone.vertices),
                 )
-                for each in zone_set.zones
+                for zone in zone_set.zones
             ),
             enabled=wanted.enabled,
             deleted=wanted.deleted,
             vehicles=tuple(
-                self._at(vehicle, zone_set.zone_set_id)
+                self._status_at(vehicle, zone_set.zone_set_id)
                 for vehicle in self._engine.registry
                 if self._engine.view(vehicle).state is None or self._knows_zones(vehicle)
             ),
         )
 
-    def _at(self, vehicle: FleetVehicle, name: str) -> ZoneSetAtVehicle:
+    def _status_at(self, vehicle: FleetVehicle, name: str) -> ZoneSetAtVehicle:
         state = self._engine.view(vehicle).state
         phase = ZoneSetPhase.UNKNOWN if state is None else ZoneSetPhase.MISSING
-        for each in (state.zone_sets or ()) if state else ():
-            if each.zone_set_id == name:
-                phase = ZoneSetPhase(each.zone_set_status.value)
-        note = self._distribution.noted(vehicle.key, name)
+        for zone_set in (state.zone_sets or ()) if state else ():
+            if zone_set.zone_set_id == name:
+                phase = ZoneSetPhase(zone_set.zone_set_status.value)
+        note = self._distribution.last_result(vehicle.key, name)
         return ZoneSetAtVehicle(vehicle=vehicle.name, phase=phase, note=note)

@@ -11,7 +11,7 @@ from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.state import PERIPHERAL_JOB
 from nena_order_service.engine.stops import STOP
 from nena_order_service.engine.zone_sets import KIND as ZONE_SET
-from nena_order_service.engine.zone_sets import Wanted, ZoneSets
+from nena_order_service.engine.zone_sets import WantedZoneSet, ZoneSets
 from nena_order_service.errors import UnknownStopError, UnknownZoneSetError
 from nena_order_service.store.database import Changes
 from nena_shared.log import get_logger
@@ -92,7 +92,7 @@ class ObjectStates:
     def _zone_set(self, name: str, changes: Changes) -> State | None:
         with suppress(UnknownZoneSetError):
             document = changes.documents.get((ZONE_SET, name))
-            zone_set = Wanted.model_validate_json(document) if document else self._zones.get(name)
+            zone_set = WantedZoneSet.model_validate_json(document) if document else self._zones.get(name)
             return {"enabled": zone_set.enabled, "deleted": zone_set.deleted}
         return None
 
