@@ -95,7 +95,7 @@ async def test_periodic_checks_do_not_end_the_program(
         def fail(_: object) -> None:
             raise ProvokedError
 
-        monkeypatch.setattr(failed.engine.stops, "look_at", fail)
+        monkeypatch.setattr(failed.engine.stops, "pause_or_resume", fail)
         await until(lambda: runner.service is not failed)
         assert supervisor._failed is not None
         assert not supervisor._failed.done()

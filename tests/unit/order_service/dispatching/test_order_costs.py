@@ -59,7 +59,7 @@ def test_automatic_orders_require_no_type() -> None:
     known, fit, registry = knowledge()
     vehicle = registry.named("V1")
     assert vehicle
-    fit.accept(vehicle, (AcceptableOrderType(name="Transport"),))
+    fit.set_order_types(vehicle, (AcceptableOrderType(name="Transport"),))
     seen = DispatchedVehicle("V1", order_types=fit.order_types(vehicle))
     assert "accepts no orders of type 'Park'" in str(
         known.why_unsuitable(dispatchable_order(type="Park"), seen)

@@ -80,9 +80,9 @@ async def test_no_vehicle_is_reserved_for_an_order_intended_for_another() -> Non
     engine.create(request("A", intendedVehicle="V2"), "T")
     order, dispatching = engine.state.orders.named("T"), engine.dispatching
     assert order
-    dispatching._kept[order.number] = "V1"
+    dispatching._reserved[order.number] = "V1"
     engine.run_checks()
-    assert dispatching._kept == {}
+    assert dispatching._reserved == {}
 
 
 async def test_a_vehicle_gets_no_order_before_its_map_is_enabled() -> None:

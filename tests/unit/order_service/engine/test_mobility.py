@@ -27,8 +27,8 @@ async def make() -> tuple[Engine, ScriptedFleet, Mobility]:
 
 async def test_a_free_vehicle_may_be_sent_away() -> None:
     _, _, mobility = await make()
-    assert (mobility.movable("V1"), mobility.lost("V1")) == (True, False)
-    assert (mobility.movable("nobody"), mobility.lost("nobody")) == (False, True)
+    assert (mobility.can_move("V1"), mobility.is_lost("V1")) == (True, False)
+    assert (mobility.can_move("nobody"), mobility.is_lost("nobody")) == (False, True)
 
 
 async def test_a_vehicle_with_a_held_order_stays_and_others_do_not_wait_for_it() -> None:
@@ -36,7 +36,7 @@ async def test_a_vehicle_with_a_held_order_stays_and_others_do_not_wait_for_it()
     order = engine.create(request("B"), "T")
     engine.hold(order.number, "Ann", "tea")
     fleet.confirm_cancel("V1")
-    assert (mobility.movable("V1"), mobility.lost("V1")) == (False, True)
+    assert (mobility.can_move("V1"), mobility.is_lost("V1")) == (False, True)
 
 
 async def test_a_vehicle_that_did_not_make_room_is_left_alone_for_a_while() -> None:
@@ -44,14 +44,14 @@ async def test_a_vehicle_that_did_not_make_room_is_left_alone_for_a_while() -> N
     vehicle = engine.registry.named("V1")
     assert vehicle
     mobility.relocation_failed(vehicle)
-    assert not mobility.movable("V1")
+    assert not mobility.can_move("V1")
     drive = Drive.to_current_destination(assigned_order("B"), vehicle.key)
     engine.state.drives.put(drive)
-    assert mobility.movable("V1"), "its order needs it to drive"
+    assert mobility.can_move("V1"), "its order needs it to drive"
     engine.state.drives.drop(drive)
-    assert not mobility.movable("V1")
+    assert not mobility.can_move("V1")
     engine.clock.advance(RELOCATION_PAUSE)  # type: ignore[attr-defined] # the clock of make_engine
-    assert mobility.movable("V1")
+    assert mobility.can_move("V1")
 
 
 async def test_the_reason_why_a_vehicle_stays_is_reported() -> None:

@@ -271,7 +271,7 @@ async def test_after_a_restart_the_job_under_way_is_asked_again_and_its_answer_c
     (asked,) = site.door.asked
 
     again = await started(site.engine.plant, store=site.store, at={"V1": "A"})
-    ((location, request_again),) = again.engine.peripherals.under_way()
+    ((location, request_again),) = again.engine.peripherals.requests_under_way()
     assert (location, request_again.job_id) == ("Door", asked[1].job_id)
     assert base(again.fleet.missions[key("V1")]) == "AB"
     again.engine.on_device_answer("Door", DeviceAnswer(job_id=asked[1].job_id, state=D.FINISHED))
@@ -294,7 +294,7 @@ async def test_after_a_restart_a_finished_job_is_not_asked_again() -> None:
     again = await started(plant, store=site.store, at={"V1": "D"})
     again.fleet.pass_node("V1", 3)
 
-    assert again.engine.peripherals.under_way() == []
+    assert again.engine.peripherals.requests_under_way() == []
     assert again.door.asked == []
 
 
@@ -504,7 +504,7 @@ async def test_an_operation_of_a_destination_waits_for_a_vehicle_in_the_door() -
     site.fleet.finish("V1")
 
     assert site.door.operations == ["open", "close"]
-    assert site.engine.peripherals.status("Door").used_by == ("V2",)
+    assert site.engine.peripherals.device_status("Door").used_by == ("V2",)
 
 
 async def test_a_dispensable_operation_of_a_destination_waits_for_a_vehicle_in_the_door() -> None:
@@ -552,7 +552,7 @@ async def test_a_robot_that_stopped_in_a_door_uses_it_until_it_is_out() -> None:
     )
 
     assert site.door.operations == ["open"]
-    assert site.engine.peripherals.status("Door").used_by == ("V1",)
+    assert site.engine.peripherals.device_status("Door").used_by == ("V1",)
 
 
 LAST_CLOSES = hall(closing=(operation("close", T.AFTER_MOVEMENT),))
@@ -683,7 +683,7 @@ async def test_the_status_of_a_device_has_its_first_jobs_and_the_last_ended_ones
     for number in range(10, 10 + UNFINISHED_SHOWN + 1):
         create(number)
 
-    status = site.engine.peripherals.status("Door")
+    status = site.engine.peripherals.device_status("Door")
     assert status.job
     assert (status.job.name, len(status.waiting)) == ("J-10", UNFINISHED_SHOWN)
     open_ones, ended = status.jobs[:UNFINISHED_SHOWN], status.jobs[UNFINISHED_SHOWN:]
@@ -699,7 +699,7 @@ async def test_a_device_keeps_its_failed_job_over_a_restart() -> None:
 
     again = await started(site.engine.plant, store=site.store, at={"V1": "A"})
 
-    (job,) = again.engine.peripherals.status("Door").jobs
+    (job,) = again.engine.peripherals.device_status("Door").jobs
     assert (job.state, job.reason) == (PeripheralJobState.FAILED, "blocked")
     assert (job.related_vehicle, job.related_transport_order) == ("V1", "T-1")
 
@@ -725,11 +725,11 @@ async def test_a_device_is_used_by_the_vehicle_that_holds_it() -> None:
     site.engine.unit_of_work.peripheral_listeners.append(changed)
     site.engine.create(request("E", name="T-1"), "T-1")
     site.door.answer(D.FINISHED)
-    assert site.engine.peripherals.status("Door").used_by == ("V1",)
+    assert site.engine.peripherals.device_status("Door").used_by == ("V1",)
 
     changed.locations.clear()
     for index in (1, 2, 3):
         site.fleet.pass_node("V1", index)
 
-    assert site.engine.peripherals.status("Door").used_by == ()
+    assert site.engine.peripherals.device_status("Door").used_by == ()
     assert changed.locations == ["Door"]

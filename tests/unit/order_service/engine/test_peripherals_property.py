@@ -201,7 +201,7 @@ class World:
             mission = self.site.fleet.missions.get(key(vehicle))
             if mission and (index := self.index(vehicle)):
                 self.site.fleet.pass_node(vehicle, index)
-        self.site.door.asked.extend(self.site.engine.peripherals.under_way())
+        self.site.door.asked.extend(self.site.engine.peripherals.requests_under_way())
 
 
 SEEDS = (1, 7, 9, 14, 25, 32)

@@ -407,7 +407,7 @@ async def test_a_vehicle_that_cannot_be_rerouted_does_not_block_rerouting_others
     engine = await under_way(fleet, goal="D")
     fleet.appear("V2", "B")
     engine.create(request("E", intendedVehicle="V2"), "T-2")
-    send, failed = engine._rerouting._send, list[str]()
+    send, failed = engine._rerouting._send_route, list[str]()
 
     def failing(under_way: Any, *rest: Any) -> None:
         if under_way.vehicle.name == "V1":
@@ -416,7 +416,7 @@ async def test_a_vehicle_that_cannot_be_rerouted_does_not_block_rerouting_others
             raise ValueError(message)
         send(under_way, *rest)
 
-    monkeypatch.setattr(engine._rerouting, "_send", failing)
+    monkeypatch.setattr(engine._rerouting, "_send_route", failing)
     lock(engine, "C D")
     assert failed == ["V1"]
     assert "Y" in whole(fleet.missions[key("V2")])

@@ -24,7 +24,7 @@ def make(fleet: ScriptedFleet, clock: ManualClock, *remembered: str) -> RestartG
     context = make_context(PLANT, clock=clock, settings=EngineSettings(restart_patience=20.0))
     context.connect(fleet)
     gate = RestartGate(context, lambda: None)
-    gate.begin(tuple(vehicle for vehicle in context.registry if vehicle.name in remembered))
+    gate.wait_for(tuple(vehicle for vehicle in context.registry if vehicle.name in remembered))
     return gate
 
 
@@ -37,11 +37,11 @@ def test_robots_from_before_the_restart_are_waited_for() -> None:
     gate = make(fleet, clock, "V1", "V2")
 
     assert not opened(gate)
-    assert str(gate.reason) == "it waits for the first state of V1"
+    assert str(gate.wait_reason) == "it waits for the first state of V1"
 
     fleet.mute.clear()
     assert opened(gate)
-    assert gate.reason is None
+    assert gate.wait_reason is None
 
 
 def test_the_gate_opens_after_the_timeout() -> None:
@@ -83,7 +83,7 @@ def test_retained_connection_messages_are_awaited_first() -> None:
     gate = make(fleet, clock)
 
     assert not opened(gate)
-    assert "each robot" in str(gate.reason)
+    assert "each robot" in str(gate.wait_reason)
 
 
 def test_a_vehicle_that_has_never_been_heard_is_waited_for() -> None:
@@ -91,7 +91,7 @@ def test_a_vehicle_that_has_never_been_heard_is_waited_for() -> None:
     gate = make(fleet, clock, "V1", "V2")
 
     assert not opened(gate), "it may stand anywhere"
-    assert str(gate.reason) == "it waits for the first state of V2"
+    assert str(gate.wait_reason) == "it waits for the first state of V2"
 
     fleet.at["V2"] = "B"
     fleet.unheard.clear()
@@ -104,9 +104,9 @@ def test_of_many_awaited_vehicles_the_reason_names_the_first() -> None:
     context = make_context(plant)
     context.connect(ScriptedFleet({}, unheard=set(names)))
     gate = RestartGate(context, lambda: None)
-    gate.begin(context.registry)
+    gate.wait_for(context.registry)
 
-    assert str(gate.reason) == "it waits for the first state of V0, V1, V2, V3, V4, …"
+    assert str(gate.wait_reason) == "it waits for the first state of V0, V1, V2, V3, V4, …"
 
 
 async def test_no_order_is_sent_before_every_vehicle_of_the_plant_has_answered() -> None:

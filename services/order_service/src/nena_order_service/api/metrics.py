@@ -366,7 +366,10 @@ PERIPHERALS: Final[Section[Monitored]] = Section(
             "nena_order_service_peripherals",
             "Peripheral devices by state: " + _list_values(PeripheralState),
             lambda s: _by_value(
-                (s.engine.peripherals.status(location).state for location in s.engine.peripherals.locations),
+                (
+                    s.engine.peripherals.device_status(location).state
+                    for location in s.engine.peripherals.operations
+                ),
                 PeripheralState,
             ),
             "state",

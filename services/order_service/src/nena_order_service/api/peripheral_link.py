@@ -50,7 +50,7 @@ class PeripheralLink:
 
     def greeting(self) -> Iterator[Outbound]:
         """Yield the messages for a new connection: the jobs under way, once more."""
-        for location, request in self._engine.peripherals.under_way():
+        for location, request in self._engine.peripherals.requests_under_way():
             yield self._make_message(location, PeripheralTopic.JOB, request)
 
     def _handle_answer(self, message: Inbound) -> None:
@@ -67,7 +67,7 @@ class PeripheralLink:
     def _clear_retained(self, message: Inbound) -> None:
         """Clear the retained status of a device that the plant no longer has."""
         location = self._topics.name_in(message.topic)
-        if message.payload and self._engine.peripherals.operations(location) is None:
+        if message.payload and location not in self._engine.peripherals.operations:
             self._mqtt.publish(Outbound(message.topic, b"", retain=True))
 
     def _read_message(self, message: Inbound, model: type[M]) -> M | None:

@@ -49,14 +49,15 @@ class PeripheralOperations:
 
     def devices(self) -> PeripheralList:
         """Return all devices."""
-        locations = self._peripherals.locations
-        return PeripheralList(peripherals=tuple(map(self._peripherals.status, locations)))
+        return PeripheralList(
+            peripherals=tuple(map(self._peripherals.device_status, self._peripherals.operations))
+        )
 
     def device(self, name: str) -> PeripheralStatus:
         """Return the device of a location; raises UnknownPeripheralError."""
-        if self._peripherals.operations(name) is None:
+        if name not in self._peripherals.operations:
             raise UnknownPeripheralError(name)
-        return self._peripherals.status(name)
+        return self._peripherals.device_status(name)
 
     def page(self, request: PeripheralJobsQuery) -> PeripheralJobList:
         """Return a page of jobs, the newest first.
@@ -86,7 +87,7 @@ class PeripheralOperations:
             NameTakenError: a job has this name.
 
         """
-        possible = self._peripherals.operations(request.location)
+        possible = self._peripherals.operations.get(request.location)
         if possible is None:
             raise UnknownPeripheralError(request.location)
         if request.operation not in possible:

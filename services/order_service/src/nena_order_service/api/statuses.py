@@ -103,7 +103,7 @@ class StatusPublisher:
         yield Outbound(self.topics.plant_model, self._plant_json, retain=True)
         for vehicle in tuple(self._engine.registry):
             yield self._of_vehicle(self._engine.reporter.vehicle_status(vehicle))
-        for location in self._engine.peripherals.locations:
+        for location in self._engine.peripherals.operations:
             yield self._of_peripheral(location)
         for sequence in tuple(self._engine.state.sequences.unfinished()):
             yield self._of_sequence(sequence.status)
@@ -133,7 +133,7 @@ class StatusPublisher:
 
     def peripheral_changed(self, location: str) -> None:
         """Publish a device's status."""
-        if self._engine.peripherals.operations(location) is not None:
+        if location in self._engine.peripherals.operations:
             self.mqtt.publish(self._of_peripheral(location))
 
     def close(self) -> None:
@@ -154,7 +154,7 @@ class StatusPublisher:
 
     def _of_peripheral(self, location: str) -> Outbound:
         topic = self.topics.peripheral(location, PeripheralTopic.STATUS)
-        return self._status_message(topic, self._engine.peripherals.status(location))
+        return self._status_message(topic, self._engine.peripherals.device_status(location))
 
     def _status_message(self, topic: str, status: BaseModel) -> Outbound:
         return Outbound(

@@ -26,7 +26,7 @@ class StopOperations:
         """Pause all robots, or those in an area; raises TooManyStopsError."""
         async with self._engine.unit_of_work.saved():
             stop = self._engine.begin_stop(request, request.by or caller)
-        return self._engine.stops.status(stop)
+        return self._engine.stops.status_of(stop)
 
     async def end(self, name: str, request: StopEndRequest, caller: str) -> StopStatus:
         """End a stop; raises UnknownStopError."""

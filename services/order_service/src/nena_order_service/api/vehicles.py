@@ -185,7 +185,7 @@ class VehicleOperations:
             self._engine.person_pauses(vehicle)
         elif action_type == STOP_PAUSE:
             if stop := self._engine.stops.stop_of(vehicle):
-                raise VehicleStoppedError(vehicle.name, stop.name, str(stop.text))
+                raise VehicleStoppedError(vehicle.name, stop.name, str(stop.as_reason))
             self._engine.stops.person_resumes(vehicle)
 
     def _pose_parameters(self, vehicle: FleetVehicle, wanted: InitialPose) -> Iterator[ActionParameter]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from nena_order_service.dispatching.candidates import Carried, DispatchedVehicle, Energy, carried
+from nena_order_service.dispatching.candidates import DispatchedVehicle, Energy, carried
 from nena_order_service.dispatching.dispatcher import BUSY, Assignment, Dispatcher, VehicleFit, explain
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.driving import Driving
@@ -54,11 +54,12 @@ class Dispatching:
         self._orders = context.state.orders
         self._planner = context.planner
         self._driving = driving
+        self._traffic = context.traffic
         self.fit = fit
         self._view = context.view
         self._clock = context.clock
-        self._knowledge = OrderKnowledge(context, fit)
-        self._kept: dict[int, str] = {}
+        self.knowledge = OrderKnowledge(context, fit)
+        self._reserved: dict[int, str] = {}
         """Vehicles that give up dispensable orders, by the number of the order for which each is reserved."""
         self._decided_on: dict[str, DispatchedVehicle] = {}
         """The vehicles as they were at the last decision: only other ones are a reason for the next."""
@@ -72,70 +73,67 @@ class Dispatching:
         self._drop_reservations()
         if not orders:
             return [], {}
-        vehicles = self._vehicles_for(orders)
+        candidates: Iterable[FleetVehicle] = self._registry
+        intended = {self._reserved.get(order.number, order.status.intended_vehicle) for order in orders}
+        if None not in intended:  # no order can go to any other vehicle, so none needs to be looked at
+            candidates = filter(None, (self._registry.named(name) for name in intended if name))
+        vehicles = {
+            vehicle.name: self.to_candidate(vehicle) for vehicle in candidates if not vehicle.obstacle
+        }
         self._decided_on.update(vehicles)
         decisions = self._dispatcher.decide(
-            orders, vehicles.values(), self._knowledge, now=self._clock.now(), kept=self._kept
+            orders, vehicles.values(), self.knowledge, now=self._clock.now(), kept=self._reserved
         )
         for order in orders:
-            reserved = vehicles.get(self._kept.get(order.number, ""))
+            reserved = vehicles.get(self._reserved.get(order.number, ""))
             if reserved and not reserved.obstacle and order.name in decisions.reasons:
-                del self._kept[order.number]  # the vehicle is free, but the order cannot be assigned to it
-        return [*map(self._dispatched, decisions.assignments)], decisions.reasons
+                # The vehicle is free, but the order cannot be assigned to it.
+                del self._reserved[order.number]
+        return [*map(self._to_dispatched, decisions.assignments)], decisions.reasons
 
-    def _vehicles_for(self, orders: Sequence[TransportOrder]) -> dict[str, DispatchedVehicle]:
-        """Return all vehicles by name, or if each of the orders is for one only, these vehicles."""
-        vehicles: Iterable[FleetVehicle] = self._registry
-        intended = {self._kept.get(order.number, order.status.intended_vehicle) for order in orders}
-        if None not in intended:
-            vehicles = filter(None, (self._registry.named(name) for name in intended if name))
-        return {vehicle.name: self.consider(vehicle) for vehicle in vehicles if not vehicle.obstacle}
-
-    def _dispatched(self, assignment: Assignment) -> Dispatched:
+    def _to_dispatched(self, assignment: Assignment) -> Dispatched:
         vehicle = self._registry.named(assignment.vehicle)
         assert vehicle, "only vehicles of the registry get orders"  # noqa: S101 - for the type
         if assignment.gives_up:
-            self._kept[assignment.order.number] = vehicle.name
+            self._reserved[assignment.order.number] = vehicle.name
         standing = self._planner.standing(vehicle, self._view(vehicle))
         return Dispatched(assignment, vehicle, self._planner.way(assignment.order, vehicle, standing))
 
     def is_due_for(self, vehicle: FleetVehicle) -> bool:
-        """Return whether a vehicle has changed since the last decision in a way that affects waiting orders.
-
-        A new order of its own does not count: all waiting orders were considered when it was assigned.
-        """
+        """Return whether a vehicle has changed since the last decision so that waiting orders may suit it."""
         if vehicle.obstacle or not self._orders.any_waiting:
             return False
-        seen, decided_on = self.consider(vehicle), self._decided_on.get(vehicle.name)
-        changed = decided_on is None or (decided_on.group, decided_on.start) != (seen.group, seen.start)
-        return changed and seen.obstacle != BUSY
+        candidate, decided_on = self.to_candidate(vehicle), self._decided_on.get(vehicle.name)
+        if decided_on and (decided_on.group, decided_on.start) == (candidate.group, candidate.start):
+            return False
+        # A new order of its own does not count: all waiting orders were considered when it was assigned.
+        return candidate.obstacle != BUSY
 
     def explain(self, order: TransportOrder) -> list[VehicleFit]:
         """Return for each vehicle whether it could execute this order, or why not; best ones first."""
-        vehicles = (self.consider(vehicle) for vehicle in self._registry if not vehicle.obstacle)
-        return explain(order, vehicles, self._knowledge, kept=self._kept)
-
-    def forget_routes(self) -> None:
-        """Drop all cached routes, because the plant has changed."""
-        self._knowledge.forget_routes()
+        vehicles = (self.to_candidate(vehicle) for vehicle in self._registry if not vehicle.obstacle)
+        return explain(order, vehicles, self.knowledge, kept=self._reserved)
 
     def idle_reason(self, vehicle: FleetVehicle) -> Reason:
         """Return why a vehicle without an order has none."""
-        seen = self.consider(vehicle)
-        return seen.obstacle or seen.restriction or (NO_ORDER_FITS if self._orders.any_waiting else NO_ORDER)
+        candidate = self.to_candidate(vehicle)
+        no_order = NO_ORDER_FITS if self._orders.any_waiting else NO_ORDER
+        return candidate.obstacle or candidate.restriction or no_order
 
-    def is_bound(self, vehicle: FleetVehicle) -> bool:
-        """Return whether a vehicle is bound to an order sequence."""
-        return self.fit.sequences.bound_to(vehicle.name) is not None
-
-    def consider(self, vehicle: FleetVehicle) -> DispatchedVehicle:
+    def to_candidate(self, vehicle: FleetVehicle) -> DispatchedVehicle:
         """Return a vehicle as the dispatcher sees it now."""
         order = self._state.order_of(vehicle.key)
         obstacle, soon = vehicle.obstacle, False
-        if not obstacle and order is not None and not self._would_give_up(order):
-            giving_up = self._is_giving_up(vehicle, order)
-            soon = not giving_up and self._unloads_at_end(order)
-            obstacle = GIVES_UP if giving_up else None if soon else BUSY
+        if not obstacle and order is not None and not _is_given_up_for_others(order):
+            # A vehicle that ends a dispensable order for a new one, or is about to unload at the end of its
+            # order, may be planned with before it is free.
+            is_giving_up = (
+                order.state is TransportOrderState.WITHDRAWN
+                and vehicle.name in self._reserved.values()
+                and self._view(vehicle).link is LinkStatus.ONLINE
+            )
+            soon = not is_giving_up and self._unloads_at_end(order)
+            obstacle = GIVES_UP if is_giving_up else None if soon else BUSY
         start, view = "", None
         if not obstacle:
             view = self._view(vehicle)
@@ -145,7 +143,10 @@ class Dispatching:
             return DispatchedVehicle(
                 vehicle.name, BUSY if soon else obstacle, order_types=types, sequence=bound
             )
-        energy = self.energy(vehicle, view)
+        energy, carried_loads = self.energy_of(vehicle, view), None
+        # A host that plans all orders of a vehicle as a sequence knows itself what the vehicle carries.
+        if not soon and view.state and self._loads_respected and not bound:
+            carried_loads = carried(view.state, view.factsheet)
         return DispatchedVehicle(
             vehicle.name,
             BUSY if soon else None,
@@ -153,9 +154,9 @@ class Dispatching:
             energy=energy.level if energy else 100.0,
             idle=(order is None or soon) and not (energy and energy.charging),
             gives_up=order.name if order and not soon else "",
-            kept_for=next((number for number, name in self._kept.items() if name == vehicle.name), None),
+            kept_for=next((number for number, name in self._reserved.items() if name == vehicle.name), None),
             order_types=types,
-            carried=None if soon else self._carried(view, bound),
+            carried=carried_loads,
             soon=soon,
             sequence=bound,
             start=start,
@@ -166,15 +167,18 @@ class Dispatching:
         self, vehicle: FleetVehicle, view: RobotView, order: TransportOrder | None
     ) -> tuple[Reason | None, str]:
         """Return why a vehicle, whose order does not keep it, takes none, or from which point it drives."""
-        if obstacle := self._obstacle(vehicle, view, order):
+        if obstacle := self._obstacle_of(vehicle, view, order):
             return obstacle, ""
         try:
             start = self._planner.standing(vehicle, view).point
         except NotLocatedError as error:
             return Reason(R.NOT_DISPATCHABLE, error.reason), ""
-        return self._lacks_map(vehicle, view, start), start
+        if view.state is None or not view.state.maps or not self._maps_respected:
+            return None, start
+        # Only the map of the start point: a robot itself rejects routes that lead over maps that it lacks.
+        return why_not_on(self._planner.map_id(start, vehicle), view.state), start
 
-    def energy(self, vehicle: FleetVehicle, view: RobotView) -> Energy | None:
+    def energy_of(self, vehicle: FleetVehicle, view: RobotView) -> Energy | None:
         """Return the energy of a vehicle; None if it is unknown or the settings ignore it."""
         if view.state is None or not self._energy.respected:
             return None
@@ -182,43 +186,22 @@ class Dispatching:
         power = view.state.power_supply
         return Energy(power.state_of_charge, power.charging, thresholds)
 
-    def _obstacle(
+    def _obstacle_of(
         self, vehicle: FleetVehicle, view: RobotView, order: TransportOrder | None
     ) -> Reason | None:
         """Return why a vehicle, with no order or with one that it would give up, cannot take an order."""
-        if stopped := self._driving.stopped(vehicle):
-            return stopped
+        if stop := self._driving.stops.stop_of(vehicle):
+            return Reason(R.IS_STOPPED, stop.as_reason)
         if order is None:
-            obstacle = self._driving.obstacle(vehicle)
             reason = None if view.availability.can_take_order else view.availability.reason
-            return reason if view.link is LinkStatus.UNREADABLE else obstacle or reason
+            if view.link is LinkStatus.UNREADABLE:
+                return reason
+            if self._traffic.route_of(vehicle.name):
+                return Reason(R.MAKES_ROOM)
+            return self._driving.positions.obstacle_of(vehicle) or reason
         if view.link is not LinkStatus.ONLINE or view.vehicle_state in STANDS_STILL:
-            return BUSY
-        return self._driving.positions.obstacle(vehicle)
-
-    def _lacks_map(self, vehicle: FleetVehicle, view: RobotView, start: str) -> Reason | None:
-        """Return why a robot cannot drive on the map of its start point; it rejects other maps itself."""
-        if view.state is None or not view.state.maps or not self._maps_respected:
-            return None
-        return why_not_on(self._planner.map_id(start, vehicle), view.state)
-
-    def _carried(self, view: RobotView, bound: str | None) -> Carried | None:
-        """Return the carried loads, unless a host plans all orders of the vehicle as a sequence."""
-        if view.state is None or not self._loads_respected or bound:
-            return None
-        return carried(view.state, view.factsheet)
-
-    def _is_giving_up(self, vehicle: FleetVehicle, order: TransportOrder) -> bool:
-        """Return whether a vehicle is about to be free for the order for which it is reserved."""
-        if order.state is not TransportOrderState.WITHDRAWN or vehicle.name not in self._kept.values():
-            return False
-        return self._view(vehicle).link is LinkStatus.ONLINE
-
-    def _would_give_up(self, order: TransportOrder) -> bool:
-        """Return whether an order is given up for another one; an automatic recharge only while charging."""
-        if order.state is not TransportOrderState.BEING_PROCESSED or order.held:
-            return False
-        return order.status.dispensable or (is_automatic_recharge(order) and order.is_operating)
+            return BUSY  # it could not be told to give its order up, or could not drive for the next one
+        return self._driving.positions.obstacle_of(vehicle)
 
     def _unloads_at_end(self, order: TransportOrder) -> bool:
         """Return whether a vehicle is about to be free, because it unloads at the end of its order."""
@@ -230,11 +213,19 @@ class Dispatching:
 
     def _drop_reservations(self) -> None:
         """Drop reservations unless the order still waits and the vehicle is about to be free."""
-        for number, name in tuple(self._kept.items()):
+        for number, name in tuple(self._reserved.items()):
             vehicle = self._registry.named(name)
             order = self._orders.find(number)
-            waits = order is not None and order.state is TransportOrderState.DISPATCHABLE and not order.held
+            waits = order and order.state is TransportOrderState.DISPATCHABLE and not order.held
             intended = order.status.intended_vehicle if order else None
-            obstacle = self.consider(vehicle).obstacle if vehicle else BUSY
+            obstacle = self.to_candidate(vehicle).obstacle if vehicle else BUSY
             if not waits or intended not in (None, name) or obstacle not in (None, GIVES_UP):
-                del self._kept[number]
+                del self._reserved[number]
+
+
+def _is_given_up_for_others(order: TransportOrder) -> bool:
+    """Return whether an order is given up for another one; an automatic recharge only while charging."""
+    if order.state is not TransportOrderState.BEING_PROCESSED or order.held:
+        return False
+    # On its way to recharge, a vehicle still lacks the energy for others.
+    return order.status.dispensable or (is_automatic_recharge(order) and order.is_operating)

@@ -36,7 +36,6 @@ from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.fleet_api.transport_order import DriveOrderState
 from nena_shared.log import get_logger
 from nena_shared.plant.track import MM_PER_M
-from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.topics import RobotKey
 
 R = ReasonCode
@@ -75,7 +74,7 @@ class RestartGate:
         """The vehicles to wait for, without those that have answered since."""
         self._open = False
 
-    def begin(self, vehicles: Iterable[FleetVehicle]) -> None:
+    def wait_for(self, vehicles: Iterable[FleetVehicle]) -> None:
         """Start waiting for these vehicles."""
         self._awaited = list(vehicles)
         self._until = self._context.clock.monotonic() + self._timeout
@@ -85,9 +84,11 @@ class RestartGate:
         """Whether anything may be sent to robots."""
         if not self._open:
             fleet = self._context.fleet
-            late = self._context.clock.monotonic() >= self._until and fleet.connected_for() >= self._timeout
-            missing = self._missing()
-            self._open = late or (not missing and fleet.all_known())
+            # Time without a broker does not count: no robot can answer then.
+            is_late = self._context.clock.monotonic() >= self._until
+            is_late = is_late and fleet.connected_for() >= self._timeout
+            missing = self._missing_vehicles()
+            self._open = is_late or (not missing and fleet.all_known())
             if self._open:
                 if missing:
                     log.warning("robots without a state keep their resources", vehicles=missing)
@@ -95,21 +96,19 @@ class RestartGate:
         return self._open
 
     @property
-    def reason(self) -> Reason | None:
+    def wait_reason(self) -> Reason | None:
         """Why nothing is sent yet; None when the gate is open."""
         if self.is_open:
             return None
-        missing = self._missing()
+        missing = self._missing_vehicles()
         if not missing:
             return Reason(R.FIRST_STATES)
         more = ", …" if len(missing) > NAMED_MISSING else ""
         return Reason(R.FIRST_STATE, vehicles=", ".join(missing[:NAMED_MISSING]) + more)
 
-    def _missing(self) -> list[str]:
-        """Return the names of the vehicles that have yet to answer.
-
-        Those that have answered are not checked again; if one is back later, fleet control knows it.
-        """
+    def _missing_vehicles(self) -> list[str]:
+        """Return the names of the vehicles that have yet to answer."""
+        # Those that have answered are not checked again; if one is back later, fleet control knows it.
         views = [(vehicle, self._context.view(vehicle)) for vehicle in self._awaited]
         self._awaited = [
             vehicle for vehicle, view in views if view.state is None and view.link in MAY_STILL_SPEAK
@@ -129,46 +128,46 @@ class Pauses:
         self._context = context
         self._peripherals = peripherals
         self._orders = context.state.orders
-        self._numbers = context.state.pauses
+        self._order_numbers = context.state.pauses
 
     def __contains__(self, vehicle: str) -> bool:
         """Return whether the vehicle of this name is paused."""
-        return vehicle in self._numbers
+        return vehicle in self._order_numbers
 
     def __iter__(self) -> Iterator[tuple[str, TransportOrder]]:
         """Yield the vehicles' names and their orders."""
-        return iter([(vehicle, self._orders.get(number)) for vehicle, number in self._numbers.items()])
+        return iter([(vehicle, self._orders.get(number)) for vehicle, number in self._order_numbers.items()])
 
     def begin(self, vehicle: FleetVehicle, order: TransportOrder) -> None:
         """Pause a vehicle with its order until :meth:`end`."""
-        self._numbers[vehicle.name] = order.number
+        self._order_numbers[vehicle.name] = order.number
 
     def end(self, vehicle: str) -> None:
         """End the pause of the vehicle of this name."""
-        self._numbers.pop(vehicle, None)
+        self._order_numbers.pop(vehicle, None)
 
     def is_over(self, vehicle: FleetVehicle) -> bool:
         """Return whether a vehicle can continue with its order."""
-        return not self._orders.get(self._numbers[vehicle.name]).held and not self.why(vehicle)
+        return not self._orders.get(self._order_numbers[vehicle.name]).held and not self.why_paused(vehicle)
 
-    def why(self, vehicle: FleetVehicle) -> Reason | None:
+    def why_paused(self, vehicle: FleetVehicle) -> Reason | None:
         """Return why a vehicle cannot continue; None if it can, or if its order is on hold."""
-        order = self._orders.get(self._numbers[vehicle.name])
+        order = self._orders.get(self._order_numbers[vehicle.name])
         status = order.status
         if status.held:
             return None
         if status.next_try and self._context.clock.now() < status.next_try:
             return Reason(R.RETRIES_AT, time=status.next_try)
-        if jobs := self._peripherals.behind(vehicle):
-            return self._peripherals.wait_for(jobs[0])
+        if jobs := self._peripherals.jobs_behind(vehicle):
+            return self._peripherals.wait_reason(jobs[0])
         if order.current.state is DriveOrderState.FINISHED:
             return None
         view = self._context.view(vehicle)
         try:
             standing = self._context.planner.standing(vehicle, view)
         except NotLocatedError as error:
-            away = view.state is None or view.link is not LinkStatus.ONLINE
-            return Reason(R.ROBOT, view.availability.reason) if away else error.reason
+            is_away = view.state is None or view.link is not LinkStatus.ONLINE
+            return Reason(R.ROBOT, view.availability.reason) if is_away else error.reason
         return self._context.planner.locked_out(order, vehicle, standing)
 
 
@@ -186,22 +185,23 @@ class Mobility:
         """Do not send a vehicle away again for RELOCATION_PAUSE."""
         self._stays_until[vehicle.name] = self._context.clock.monotonic() + RELOCATION_PAUSE
 
-    def movable(self, name: str) -> bool:
+    def can_move(self, name: str) -> bool:
         """Return whether a vehicle at rest could drive away now."""
         vehicle = self._context.registry.named(name)
         if vehicle is None or vehicle.obstacle or name in self._pauses:
             return False
-        wants = vehicle.key in self._context.state.drives.requested
-        goes_on = wants or self._positions.is_taken_out(vehicle)  # making room shows whether it drives again
-        if self._positions.obstacle(vehicle, working=goes_on):
+        needs_to_drive = vehicle.key in self._context.state.drives.requested
+        # A vehicle that was taken out because its orders failed shows by making room whether it drives again.
+        taken_out = bool(self._context.state.vehicles.of(vehicle.key).taken_out)
+        if self._positions.obstacle_of(vehicle, working=needs_to_drive or taken_out):
             return False
-        if self._traffic.route_of(name) or not self._positions.located(vehicle):
+        if self._traffic.route_of(name) or not self._positions.is_located(vehicle):
             return False
-        if self._context.clock.monotonic() < self._stays_until.get(name, 0.0) and not wants:
+        if self._context.clock.monotonic() < self._stays_until.get(name, 0.0) and not needs_to_drive:
             return False
         return self._context.view(vehicle).availability.can_take_order
 
-    def lost(self, name: str) -> bool:
+    def is_lost(self, name: str) -> bool:
         """Return whether it is unknown when a vehicle at rest could drive away."""
         vehicle = self._context.registry.named(name)
         if vehicle is None or name in self._pauses:
@@ -210,10 +210,10 @@ class Mobility:
             return True
         if self._traffic.route_of(name):
             return False  # it is under way and will continue
-        works = self._context.state.drives.order_number(vehicle.key) is not None
-        return not works and not self.movable(name)
+        has_order = self._context.state.drives.order_number(vehicle.key) is not None
+        return not has_order and not self.can_move(name)
 
-    def misplaced(self, vehicle: FleetVehicle) -> Reason | None:
+    def why_misplaced(self, vehicle: FleetVehicle) -> Reason | None:
         """Return why a vehicle cannot be where it says; None if it can."""
         try:
             self._context.planner.standing(vehicle, self._context.view(vehicle))
@@ -228,10 +228,10 @@ class Mobility:
         view = self._context.view(vehicle)
         if not view.availability.can_take_order:
             return Reason(R.ROBOT, view.availability.reason)
-        if obstacle := self._positions.obstacle(vehicle, working=True):
+        if obstacle := self._positions.obstacle_of(vehicle, working=True):
             return Reason(R.IT, obstacle)
-        if not self._positions.located(vehicle):
-            return self.misplaced(vehicle) or Reason(R.POSITION_UNKNOWN)
+        if not self._positions.is_located(vehicle):
+            return self.why_misplaced(vehicle) or Reason(R.POSITION_UNKNOWN)
         return self.why_it_waits(vehicle.name)
 
     def why_it_waits(self, name: str) -> Reason | None:
@@ -239,11 +239,13 @@ class Mobility:
         refusal = self._traffic.refusal(name)
         if refusal is None:
             return None
-        why = refusal.in_words()
+        reason = refusal.in_words()
         for vehicle in map(self._context.registry.named, refusal.vehicles):
             if vehicle and (view := self._context.view(vehicle)).link is LinkStatus.UNREADABLE:
-                why = Reason(R.WAITS_FOR_UNREADABLE, why, view.availability.reason, vehicle=vehicle.name)
-        return Reason(R.IT, why)
+                reason = Reason(
+                    R.WAITS_FOR_UNREADABLE, reason, view.availability.reason, vehicle=vehicle.name
+                )
+        return Reason(R.IT, reason)
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,21 +254,6 @@ class Stuck:
 
     vehicle: FleetVehicle
     reason: Reason
-
-
-def _way_mm(vehicle: FleetVehicle, factsheet: Factsheet | None, seconds: float) -> float:
-    """Return the distance, mm, that a robot drives in this time at its lowest declared maximum speed."""
-    of_robot = factsheet.physical_parameters.maximum_speed * MM_PER_M if factsheet else 0.0
-    # a default of the plant model is not a statement about the vehicle
-    stated = vehicle.model and "max_velocity_mm_s" in vehicle.model.model_fields_set
-    of_vehicle = vehicle.model.max_velocity_mm_s if vehicle.model and stated else 0
-    speeds = [speed for speed in (of_robot, of_vehicle) if speed > 0]
-    return seconds * min(speeds, default=UNKNOWN_SPEED_MM_S)
-
-
-def _is_open(gate: Gate) -> bool:
-    """Return whether a drive order without a route may begin."""
-    return gate.may_allocate(NOWHERE) and gate.may_release(NOWHERE)
 
 
 class Driving:
@@ -300,7 +287,7 @@ class Driving:
         self._registry = context.registry
         self._gate = gate
         self._peripherals = peripherals
-        self._stops = stops
+        self.stops = stops
         self._wait_reasons: dict[str, Reason] = {}
         """For what vehicles waited at the last call of :meth:`let_drive`, by name."""
 
@@ -318,7 +305,7 @@ class Driving:
         ``first``: serve it before others, because it already had its turn. ``retriable``: the robot may
         retry its actions.
         """
-        self.positions.see(vehicle)
+        self.positions.update_held(vehicle)
         route_request = self._planner.route_request(order, vehicle, way.legs[0])
         self._drives.put(Drive.to_current_destination(order, vehicle.key, retriable=retriable))
         self._traffic.request_route(route_request, first=first)
@@ -334,8 +321,8 @@ class Driving:
     def cancel_drive(self, drive: Drive) -> None:
         """Send cancelOrder to a robot after the commit."""
         self._shorten_route(drive)
-        granted = drive.way[: drive.allocated]  # what a restart restores for it
-        self._drives.put(drive.changed(cancelled=True, way=granted))
+        # A restart restores from the store what the vehicle may still drive over: no more than its base.
+        self._drives.put(drive.changed(cancelled=True, way=drive.way[: drive.allocated]))
         self._state.after_commit(lambda: self._context.fleet.cancel_vda_order(drive.robot))
 
     def end_early(self, drive: Drive, *, partial: bool) -> None:
@@ -357,7 +344,7 @@ class Driving:
             self.mobility.relocation_failed(vehicle)
             self._state.drive_due = True
 
-    def reconsider(self, is_unsuitable: Callable[[Drive], bool]) -> None:
+    def request_routes_again(self, is_unsuitable: Callable[[Drive], bool]) -> None:
         """Request routes again for those unsent VDA orders for which ``is_unsuitable`` returns True."""
         for drive in filter(is_unsuitable, tuple(self._drives.granted.values())):
             self._request_again(drive)
@@ -365,55 +352,51 @@ class Driving:
     def pass_node(self, robot: RobotKey, order_id: str, sequence_id: int) -> None:
         """Free the resources behind a robot that has passed a node."""
         drive = self._drives.with_id(robot, order_id)
-        if drive and (vehicle := self._under_way(drive)):
-            self._state.drive_due |= self._traffic.arrived(vehicle.name, sequence_id // 2)
-            self._peripherals.moved(vehicle, drive, sequence_id // 2)
+        if drive and (vehicle := self._vehicle_under_way(drive)):
+            # VDA 5050 3.0, 6.1.1: nodes have the even sequence IDs, the edges between them the odd ones.
+            reached = sequence_id // 2
+            self._state.drive_due |= self._traffic.arrived(vehicle.name, reached)
+            self._peripherals.request_after_movement(vehicle, drive, reached)
 
     def extend_base(self, robot: RobotKey, order_id: str) -> None:
         """Extend the base of a robot that requests it (newBaseRequest), if traffic control grants more."""
         drive = self._drives.with_id(robot, order_id)
-        if drive and self._may_release and (vehicle := self._under_way(drive)):
+        if drive and self._may_release and (vehicle := self._vehicle_under_way(drive)):
             self._allocate_and_send(vehicle, more=self._context.settings.release_ahead or 1)
 
     def ahead_of(self, drive: Drive) -> tuple[str, ...]:
         """Return the next path and point on a robot's route; empty at its end."""
-        vehicle = self._under_way(drive)
+        vehicle = self._vehicle_under_way(drive)
         route = self._traffic.route_of(vehicle.name) if vehicle else None
         return drive.ahead(route.reached) if route else ()
 
     def finish_drive(self, drive: Drive) -> None:
         """End a finished VDA order: its robot is at rest at the end of the route."""
         vehicle = self._registry.discover(drive.robot)
-        self._peripherals.moved(vehicle, drive, len(drive.way), finished=True)
+        self._peripherals.request_after_movement(vehicle, drive, len(drive.way), finished=True)
         self._drives.end(drive)
         if self._traffic.route_of(vehicle.name):
             self._traffic.finished(vehicle.name)
-            self.positions.note(vehicle)
+            self.positions.store_held(vehicle)
             self._come_to_rest(vehicle)
 
     def break_off(self, drive: Drive, event: object) -> None:
-        """End a VDA order early: its robot keeps what it holds until it is seen standing.
-
-        Its earlier states count only if it was known to have the VDA order.
-        """
+        """End a VDA order early: its robot keeps what it holds until it is seen standing."""
         self._drives.end(drive)
         vehicle = self._registry.discover(drive.robot)
         if drive.relocation:
             self.mobility.relocation_failed(vehicle)
         if self._traffic.route_of(vehicle.name):
             self._traffic.break_off(vehicle.name)
-            self.positions.note(vehicle)
+            self.positions.store_held(vehicle)
+            # A failed VDA order that the robot was not known to have may still reach it: its earlier states,
+            # in which it stands, do not count.
             self._come_to_rest(vehicle, doubt=isinstance(event, VdaOrderFailed) and not drive.accepted)
-
-    def update_robot(self, vehicle: FleetVehicle) -> None:
-        """Handle a new state of a robot at rest; a robot under way reports its progress separately."""
-        if not self._traffic.route_of(vehicle.name):
-            self._state.drive_due = True
 
     @property
     def _may_release(self) -> bool:
         """Whether any robot may be sent an order or more base."""
-        return self._gate.is_open and self._stops.all_robots is None
+        return self._gate.is_open and self.stops.all_robots is None
 
     def let_drive(self) -> Iterator[FleetVehicle | Stuck]:
         """Grant routes and extend bases; yield vehicles that are stuck or have a new wait reason."""
@@ -423,37 +406,45 @@ class Driving:
             granted = (self._registry.discover(robot).name for robot in self._drives.granted)
             at_start = filter(self._traffic.route_of, (*granted, *self._peripherals.waiting))
             for name in dict.fromkeys([*under_way, *at_start]):
-                self._allocate_and_send(self._vehicle(name))
-            self.reconsider(lambda drive: self._traffic.is_blocked(self._registry.discover(drive.robot).name))
-            movable, lost = cache(self.mobility.movable), cache(self.mobility.lost)
+                self._allocate_and_send(self._vehicle_named(name))
+            self.request_routes_again(
+                lambda drive: self._traffic.is_blocked(self._registry.discover(drive.robot).name)
+            )
+            # Traffic control asks about the same vehicles for each request, and only its own decisions change
+            # the answers meanwhile: a vehicle that it has just sent away has a route.
+            can_move, is_lost = cache(self.mobility.can_move), cache(self.mobility.is_lost)
             for decision in self._traffic.decide(
-                lambda name: not self._traffic.route_of(name) and movable(name), lost
+                lambda name: not self._traffic.route_of(name) and can_move(name), is_lost
             ):
                 if isinstance(decision, MoreClaimed):
-                    self._allocate_and_send(self._vehicle(decision.vehicle))
+                    self._allocate_and_send(self._vehicle_named(decision.vehicle))
                 elif isinstance(decision, EarlyEnd):
-                    self._end_drive_here(decision.vehicle)
+                    self._end_drive_at_base(decision.vehicle)
                 else:
                     yield from self._begin_drive(decision)
-            self._replan()
-            self._look_after_peripherals()
+            # Routes blocked by robots that will not make room end at their bases: their vehicles are then at
+            # rest, too, and request new routes around those robots, or swap positions with them.
+            for name in tuple(self._traffic.stuck(self.mobility.can_move, self.mobility.is_lost)):
+                self._end_drive_at_base(name)
+            # Only after the grants it is known which jobs no route needs any more.
+            for name in [name for name in self._peripherals.waiting if not self._traffic.route_of(name)]:
+                del self._peripherals.waiting[name]
+            self._peripherals.publish_users()
+            self._peripherals.withdraw_unneeded()
+            self._peripherals.send_next_jobs()
+        yield from self._update_wait_reasons()
+
+    def _update_wait_reasons(self) -> Iterator[FleetVehicle]:
+        """Yield the vehicles that now wait for something else, or no longer wait."""
         unsent = {self._registry.discover(robot).name for robot in self._drives.unsent}
         due = unsent.union(self._peripherals.waiting)
         for name in self._traffic.waiting.union(due, self._wait_reasons):
-            vehicle = self._vehicle(name)
+            vehicle = self._vehicle_named(name)
             reason = self.wait_reason(vehicle) if name in due else self.mobility.why_it_waits(name)
             if reason != self._wait_reasons.pop(name, None):
                 yield vehicle
             if reason:
                 self._wait_reasons[name] = reason
-
-    def _look_after_peripherals(self) -> None:
-        """Withdraw jobs that no route needs, and send devices the next ones."""
-        for name in [name for name in self._peripherals.waiting if not self._traffic.route_of(name)]:
-            del self._peripherals.waiting[name]
-        self._peripherals.note_users()
-        self._peripherals.withdraw_needless()
-        self._peripherals.dispatch()
 
     def _request_again(self, drive: Drive) -> None:
         """Withdraw a route of which nothing was sent, and request it again; a relocation is dropped."""
@@ -463,18 +454,9 @@ class Driving:
         self._traffic.revoke(self._registry.discover(drive.robot).name, again=True)
         self._state.drive_due = True
 
-    def _replan(self) -> None:
-        """End VDA orders at their bases if their routes are blocked by robots that will not make room.
-
-        The vehicle with the order is then at rest, too: it requests a new route around those robots, or
-        swaps positions with them.
-        """
-        for name in tuple(self._traffic.stuck(self.mobility.movable, self.mobility.lost)):
-            self._end_drive_here(name)
-
-    def _end_drive_here(self, name: str) -> None:
+    def _end_drive_at_base(self, name: str) -> None:
         """End the route of a waiting vehicle at the end of its base, so that it requests a new one."""
-        robot = self._vehicle(name).key
+        robot = self._vehicle_named(name).key
         drive = self._drives.sent.get(robot)
         if granted := self._drives.granted.get(robot):
             self._request_again(granted)
@@ -487,23 +469,24 @@ class Driving:
         drive = self._drives.sent.get(vehicle.key)
         if drive and drive.relocation:
             return Reason(R.MAKES_ROOM_FIRST)
-        if reason := self._gate.reason or self._stops.why(vehicle):
+        # What nothing else can end comes first: with a stop, it does not matter that others are in the way.
+        if reason := self._gate.wait_reason or self.stops.why_stopped(vehicle):
             return reason
         if vehicle.name in self._pauses:
-            return self._pauses.why(vehicle)
-        if device := self._peripherals.note(vehicle.name):
-            return device
+            return self._pauses.why_paused(vehicle)
+        if job := self._peripherals.job_awaited_by(vehicle.name):
+            return self._peripherals.wait_reason(job)
         if self._drives.unsent_of_order(vehicle.key):
             return self.mobility.why_it_stays(vehicle)
         waits_for_base = drive is not None and not drive.all_released
-        misplaced = self.mobility.misplaced(vehicle) if waits_for_base else None
+        misplaced = self.mobility.why_misplaced(vehicle) if waits_for_base else None
         return misplaced or self.mobility.why_it_waits(vehicle.name)
 
     def traffic_wait(self, vehicle: FleetVehicle) -> TrafficWait | None:
         """Return which vehicles a vehicle waits for, where and why; None if it does not wait."""
         reason, refusal = self.wait_reason(vehicle), self._traffic.refusal(vehicle.name)
-        if location := self._peripherals.location_waited_for(vehicle.name):
-            return TrafficWait(at=location, **explained(reason))
+        if job := self._peripherals.job_awaited_by(vehicle.name):
+            return TrafficWait(at=job.status.location, **explained(reason))
         if refusal is None:
             return TrafficWait(**explained(reason)) if reason else None
         return TrafficWait(
@@ -514,28 +497,18 @@ class Driving:
             **explained(reason or Reason(R.IT, refusal.in_words())),
         )
 
-    def obstacle(self, vehicle: FleetVehicle) -> Reason | None:
-        """Return, as a predicate, why its drive or position keeps a vehicle from orders; or None."""
-        if self._traffic.route_of(vehicle.name):
-            return Reason(R.MAKES_ROOM)
-        return self.positions.obstacle(vehicle)
-
-    def stopped(self, vehicle: FleetVehicle) -> Reason | None:
-        """Return, as a predicate, why a stop keeps a vehicle from new orders; None if none does."""
-        stop = self._stops.stop_of(vehicle)
-        return Reason(R.IS_STOPPED, stop.text) if stop else None
-
-    def _vehicle(self, name: str) -> FleetVehicle:
+    def _vehicle_named(self, name: str) -> FleetVehicle:
         vehicle = self._registry.named(name)
         assert vehicle, "vehicles never leave the registry"  # noqa: S101 - for the type
         return vehicle
 
     def _begin_drive(self, granted: RouteGrant | Relocation | RouteRejection) -> Iterator[Stuck]:
-        vehicle = self._vehicle(granted.vehicle)
+        vehicle = self._vehicle_named(granted.vehicle)
         if isinstance(granted, RouteRejection):
             self._drives.requested.pop(vehicle.key, None)
             yield Stuck(vehicle, reason_of(granted.error))
             return
+        # The route begins where the vehicle stood when it was requested: it may have been moved since.
         try:
             standing = self._planner.standing(vehicle, self._context.view(vehicle))
         except NotLocatedError:
@@ -577,12 +550,16 @@ class Driving:
         name = vehicle.name
         granted, sent = self._drives.granted.get(vehicle.key), self._drives.sent.get(vehicle.key)
         gate: Gate = CLOSED
-        if not (self._stops.why(vehicle) or self.mobility.misplaced(vehicle)):
-            gate = self._peripherals.gate(vehicle, granted or sent)
+        if not (self.stops.why_stopped(vehicle) or self.mobility.why_misplaced(vehicle)):
+            gate = self._peripherals.gate_for(vehicle, granted or sent)
         further = self._allocate_ahead(vehicle, more, gate)
         route = self._traffic.route_of(name)
         assert route, "requested by the caller"  # noqa: S101 - for the type
-        if granted and (route.released or (not route.way and _is_open(gate))):
+        if granted and (
+            route.released
+            # An order at the vehicle's own position has a route without sets: only devices decide on it.
+            or (not route.way and gate.may_allocate(NOWHERE) and gate.may_release(NOWHERE))
+        ):
             drive = granted.released(route).changed(state=DriveState.SENT)
             self._drives.put(drive)
             self._state.vehicle_changed(name)
@@ -597,8 +574,13 @@ class Driving:
         if settings.release_ahead or not settings.release_seconds:
             nodes = settings.release_ahead and (ahead or settings.release_ahead)
             return self._traffic.allocate(name, nodes, gate=gate)
-        way_mm = _way_mm(vehicle, self._context.view(vehicle).factsheet, settings.release_seconds)
-        return self._traffic.allocate(name, ahead, way_mm, gate)
+        factsheet = self._context.view(vehicle).factsheet
+        robot_speed = factsheet.physical_parameters.maximum_speed * MM_PER_M if factsheet else 0.0
+        # A default of the plant model is not a statement about the vehicle.
+        stated = vehicle.model and "max_velocity_mm_s" in vehicle.model.model_fields_set
+        model_speed = vehicle.model.max_velocity_mm_s if vehicle.model and stated else 0
+        speed = min((speed for speed in (robot_speed, model_speed) if speed > 0), default=UNKNOWN_SPEED_MM_S)
+        return self._traffic.allocate(name, ahead, settings.release_seconds * speed, gate)
 
     def send_update(self, drive: Drive) -> None:
         """Send a robot the update of its VDA order after the commit."""
@@ -608,7 +590,7 @@ class Driving:
         )
 
     def _shorten_route(self, drive: Drive) -> None:
-        if vehicle := self._under_way(drive):
+        if vehicle := self._vehicle_under_way(drive):
             self._traffic.shorten(vehicle.name)
             self._state.drive_due = True
 
@@ -620,7 +602,7 @@ class Driving:
             return VdaOrderFailed(drive.robot, name, reason_of(error), kind=FailureKind.REFUSED)
         return None
 
-    def _under_way(self, drive: Drive) -> FleetVehicle | None:
+    def _vehicle_under_way(self, drive: Drive) -> FleetVehicle | None:
         vehicle = self._registry.of(drive.robot)
         return vehicle if vehicle and self._traffic.route_of(vehicle.name) else None
 
@@ -629,5 +611,5 @@ class Driving:
         if doubt:
             ask = without_parameters(STATE_REQUEST, unique_id())
             self._state.after_commit(lambda: self._context.fleet.instant_action(vehicle.key, ask))
-        self.positions.see(vehicle)
+        self.positions.update_held(vehicle)
         self._state.drive_due = True

@@ -195,7 +195,7 @@ class Engine:
     def _dispatch_and_drive(self) -> None:
         """Dispatch and drive until no more steps follow from the changes."""
         while self.state.orders.any_ended or self._decision_due or self.state.drive_due:
-            for job in self.peripherals.take_failed():
+            for job in self.peripherals.pop_failed_jobs():
                 self.life_cycle.on_failed_peripheral(job)
             self.life_cycle.conditions.apply_ended_orders()
             if self._decision_due:
@@ -237,10 +237,10 @@ class Engine:
         vehicles = [*self.registry] if vehicles is None else vehicles
         with self.unit_of_work.begin():
             for vehicle in vehicles:
-                self._positions.see(vehicle)
-                self.stops.look_at(vehicle)
+                self._positions.update_held(vehicle)
+                self.stops.pause_or_resume(vehicle)
         # Each in its own unit: a new route changes what the next vehicle waits for.
-        for name in self._rerouting.kept_waiting():
+        for name in self._rerouting.next_waiting():
             with self.change():
                 self._rerouting.reroute_waiting(name)
         with self.change():
@@ -250,7 +250,7 @@ class Engine:
         # Parking and recharging wait for the first states of all robots: a place may be occupied.
         if self._gate.is_open:
             with self.change():
-                self._idle.attend(vehicles)
+                self._idle.send_idle(vehicles)
         # Positions and ages change all the time, so only a change of the essentials is published.
         with self.unit_of_work.begin():
             for vehicle in vehicles:
@@ -295,7 +295,7 @@ class Engine:
     def reroute(self, vehicle: FleetVehicle, kind: ReroutingType) -> Rerouted:
         """Replan the route of a vehicle's order; see :meth:`Rerouting.request`."""
         with self.change():
-            return self._rerouting.request(vehicle, kind)
+            return self._rerouting.reroute_on_request(vehicle, kind)
 
     def set_integration_level(self, vehicle: FleetVehicle, level: IntegrationLevel) -> None:
         """Set the integration level of a vehicle.
@@ -318,7 +318,7 @@ class Engine:
     def accept_order_types(self, vehicle: FleetVehicle, types: tuple[AcceptableOrderType, ...]) -> None:
         """Set the order types that a vehicle accepts; its current order is not affected."""
         with self.change():
-            self.dispatching.fit.accept(vehicle, types)
+            self.dispatching.fit.set_order_types(vehicle, types)
             self.state.dispatch_due = True
             self.state.vehicle_changed(vehicle.name)
 
@@ -350,7 +350,7 @@ class Engine:
         with self.unit_of_work.begin():
             stop = change()
             for vehicle in self.registry:
-                self.stops.look_at(vehicle)
+                self.stops.pause_or_resume(vehicle)
                 self.life_cycle.update_reason(vehicle)
                 self.state.vehicle_changed(vehicle.name)
         if stop.area:
@@ -363,30 +363,30 @@ class Engine:
     def create_peripheral_job(self, request: PeripheralJobRequest, name: str) -> PeripheralJob:
         """Create a peripheral job; see :meth:`Peripherals.create`."""
         with self.change():
-            return self.peripherals.create(request, name)
+            return self.peripherals.create_job(request, name)
 
     def withdraw_peripheral_job(self, name: str, reason: str) -> None:
         """Withdraw a peripheral job; see :meth:`Peripherals.withdraw`."""
         with self.change():
-            self.peripherals.withdraw(name, reason)
+            self.peripherals.withdraw_job(name, reason)
 
     def on_device_answer(self, location: str, answer: DeviceAnswer) -> None:
         """Handle the answer of a peripheral device."""
-        if self.peripherals.awaits(location, answer) and not self.unit_of_work.closed:
+        if self.peripherals.is_new_answer(location, answer) and not self.unit_of_work.closed:
             with self.change():
-                self.peripherals.answered(location, answer)
+                self.peripherals.on_answer(location, answer)
 
     def on_device_state(self, location: str, state: PeripheralState) -> None:
         """Handle the state that a peripheral device reports."""
-        if self.peripherals.is_news(location, state) and not self.unit_of_work.closed:
+        if self.peripherals.is_new_state(location, state) and not self.unit_of_work.closed:
             with self.change():
-                self.peripherals.reported(location, state)
+                self.peripherals.on_state(location, state)
 
     def plant_changed(self) -> None:
         """Replan all routes, including the horizons of driving vehicles, then check all orders."""
         self.context.routes.forget()
         self.traffic.forget_routes()
-        self.dispatching.forget_routes()
+        self.dispatching.knowledge.forget_routes()
         with self.change():
             self._rerouting.reroute_off_locked_paths()
             self.state.dispatch_due = self.state.drive_due = True
@@ -419,7 +419,7 @@ class Engine:
             case outputs.InstantActionEnded():
                 self.state.instant_actions.ended(event)
                 self.life_cycle.on_instant_action(event)
-                self.stops.ended(event)
+                self.stops.on_action_ended(event)
             case outputs.ActionRetriable():
                 self.life_cycle.on_retriable_action(event)
             case (
@@ -447,8 +447,9 @@ class Engine:
         if view.factsheet:
             self.registry.learn_frame(vehicle, transforms_itself=transforms_itself(view.factsheet))
             vehicle = self.registry.discover(robot)
-        self._positions.see(vehicle)
+        self._positions.update_held(vehicle)
         self.state.vehicle_changed(vehicle.name)
-        self._driving.update_robot(vehicle)
-        self.stops.look_at(vehicle)
+        if not self.context.traffic.route_of(vehicle.name):  # others report passed nodes
+            self.state.drive_due = True
+        self.stops.pause_or_resume(vehicle)
         self.life_cycle.robot_changed(vehicle, view)

@@ -11,7 +11,7 @@ from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.transport_order import Destination
 from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.log import get_logger
-from nena_shared.vda5050.state import EmergencyStop, State
+from nena_shared.vda5050.state import EmergencyStop
 from nena_shared.vda5050.topics import RobotKey
 
 log = get_logger(__name__)
@@ -51,58 +51,57 @@ class FailingVehicles:
         """Restore after a restart which robots have failed at each destination."""
         for record in self._records:
             for place in record.failed_at:
-                self._note(place, record.robot)
+                self._add_failed_robot(place, record.robot)
 
-    def failed(self, vehicle: FleetVehicle, destination: Destination, failure: OrderFailure) -> None:
+    def on_failed_order(self, vehicle: FleetVehicle, destination: Destination, failure: OrderFailure) -> None:
         """Count an order that has failed at a vehicle; take the vehicle out at the limit."""
-        if failure.kind not in OF_ROBOTS or failure.by_device or _in_hands(self._view(vehicle).state):
+        if failure.kind not in OF_ROBOTS or failure.by_device:
             return
-        place, record = _place(destination), self._records.of(vehicle.key)
+        state = self._view(vehicle).state
+        if state and (
+            state.safety_state.active_emergency_stop is not EmergencyStop.NONE
+            or not state.operating_mode.takes_orders
+        ):
+            return  # a person has stopped the robot or taken it over
+        place, record = _place_of(destination), self._records.of(vehicle.key)
         failed_at = (*record.failed_at, place)[-FAILURES_KEPT:]
         self._records.change(vehicle.key, failed_at=failed_at)
-        self._note(place, vehicle.key)
-        count = sum(not self._is_impossible(each, vehicle.key) for each in failed_at)
+        self._add_failed_robot(place, vehicle.key)
+        count = sum(not self._is_likely_cause(failed_place, vehicle.key) for failed_place in failed_at)
         if not 0 < self._limit <= count or record.integration_level is not IntegrationLevel.TO_BE_UTILIZED:
             return
-        why = Reason(R.TAKEN_OUT, failure.words, count=count)
-        log.warning("vehicle is taken out of dispatching", vehicle=vehicle.name, reason=str(why))
-        self._set(vehicle, IntegrationLevel.TO_BE_RESPECTED, taken_out=str(why), coded_taken_out=why.coded)
+        reason = Reason(R.TAKEN_OUT, failure.words, count=count)
+        log.warning("vehicle is taken out of dispatching", vehicle=vehicle.name, reason=str(reason))
+        level = IntegrationLevel.TO_BE_RESPECTED
+        self._set_level(vehicle, level, taken_out=str(reason), coded_taken_out=reason.coded)
 
-    def drove(self, vehicle: FleetVehicle, destination: Destination | None = None) -> None:
+    def on_finished_drive(self, vehicle: FleetVehicle, destination: Destination | None = None) -> None:
         """Note a finished drive, to ``destination`` or out of the way of others: the vehicle works."""
         if destination:
-            self._failed_at.pop(_place(destination), None)
+            self._failed_at.pop(_place_of(destination), None)
         record = self._records.of(vehicle.key)
         if record.taken_out:
             log.info("vehicle is back in dispatching", vehicle=vehicle.name)
-            back = IntegrationLevel.TO_BE_UTILIZED
-            self._set(vehicle, back, failed_at=(), taken_out="", coded_taken_out=None)
+            level = IntegrationLevel.TO_BE_UTILIZED
+            self._set_level(vehicle, level, failed_at=(), taken_out="", coded_taken_out=None)
         elif record.failed_at:
             self._records.change(vehicle.key, failed_at=())
 
-    def _set(self, vehicle: FleetVehicle, level: IntegrationLevel, **changes: object) -> None:
+    def _set_level(self, vehicle: FleetVehicle, level: IntegrationLevel, **changes: object) -> None:
         self._records.change(vehicle.key, integration_level=level, **changes)
         self._state.vehicle_changed(vehicle.name)
         self._state.dispatch_due = True
 
-    def _note(self, place: str, robot: RobotKey) -> None:
+    def _add_failed_robot(self, place: str, robot: RobotKey) -> None:
         self._failed_at.setdefault(place, set()).add(robot)
-        if len(self._failed_at) > DESTINATIONS_KEPT:
+        if len(self._failed_at) > DESTINATIONS_KEPT:  # the oldest one
             del self._failed_at[next(iter(self._failed_at))]
 
-    def _is_impossible(self, place: str, robot: RobotKey) -> bool:
+    def _is_likely_cause(self, place: str, robot: RobotKey) -> bool:
         """Return whether a destination itself is likely the cause of a robot's failure there."""
-        others = self._failed_at.get(place, set()) - {robot}
-        return any({*self._records.of(other).failed_at} <= {place} for other in others)
+        other_robots = self._failed_at.get(place, set()) - {robot}
+        return any({*self._records.of(other).failed_at} <= {place} for other in other_robots)
 
 
-def _in_hands(state: State | None) -> bool:
-    """Return whether a person has stopped the robot or taken it over."""
-    if state is None:
-        return False
-    stopped = state.safety_state.active_emergency_stop is not EmergencyStop.NONE
-    return stopped or not state.operating_mode.takes_orders
-
-
-def _place(destination: Destination) -> str:
+def _place_of(destination: Destination) -> str:
     return destination.location_name or str(destination.coordinate)

@@ -7,9 +7,8 @@ measure. Each call uses up at least one step of a finite list, so the measures e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Final
 
 from nena_order_service.dispatching.candidates import why_not_accepted
@@ -71,66 +70,44 @@ class Decision:
 def decide(policy: Sequence[FailureStep], taken: int, situation: Situation) -> Decision:
     """Return the next measure of ``policy``, of which ``taken`` measures are used up."""
     passed_over: list[Reason] = []
-    for number, step in enumerate(_one_by_one(policy), start=1):
+    single_steps = (step for step in policy for _ in range(step.times))
+    for number, step in enumerate(single_steps, start=1):
         if number <= taken:
             continue
-        objection = _objection(step, situation)
+        objection = _objection_to(step, situation)
         if not objection:
             return Decision(step, number, tuple(passed_over))
-        words = Reason(R.NO_MEASURE, objection, measure=step.do)
-        if words not in passed_over:
-            passed_over.append(words)
+        reason = Reason(R.NO_MEASURE, objection, measure=step.do)
+        if reason not in passed_over:
+            passed_over.append(reason)
     return Decision(FAIL, taken, tuple(passed_over))
 
 
-def _one_by_one(policy: Iterable[FailureStep]) -> Iterator[FailureStep]:
-    return (step for step in policy for _ in range(step.times))
-
-
-def _objection(step: FailureStep, situation: Situation) -> Reason | None:
+def _objection_to(step: FailureStep, situation: Situation) -> Reason | None:
     """Return why a measure does not apply; None if it does."""
     if step.do.last:
         return None
+    # An operation that may have been executed must not be executed again without a person looking at it.
     if situation.kind is K.UNCLEAR or (situation.kind is K.LOST and situation.begun):
         return Reason(R.UNKNOWN_PROGRESS)
-    return _AGAINST[step.do](step, situation)
-
-
-def _against_retry(step: FailureStep, situation: Situation) -> Reason | None:
-    if situation.kind is K.UNFIT:
-        return Reason(R.ROBOT_INCAPABLE)
-    useless = situation.kind is K.NO_WAY and not step.after
-    return Reason(R.STILL_NO_ROUTE) if useless else None
-
-
-def _against_other_way(_: FailureStep, situation: Situation) -> Reason | None:
-    if situation.kind is not K.DRIVE:
-        return Reason(R.DRIVE_NOT_FAILED)
-    return None if situation.other_way else Reason(R.NO_OTHER_ROUTE)
-
-
-def _against_other_vehicle(_: FailureStep, situation: Situation) -> Reason | None:
-    if situation.carrying:
-        return Reason(R.CARRIES_ITS_LOAD)
-    if not situation.online:
-        return Reason(R.ROBOT_SILENT)
-    return None if situation.others else Reason(R.NO_OTHER_VEHICLE)
-
-
-def _against_skip(_: FailureStep, situation: Situation) -> Reason | None:
-    return None if situation.kind is K.ACTION else Reason(R.NO_OPERATION_FAILED)
-
-
-_AGAINST: Final[Mapping[FailureMeasure, Callable[[FailureStep, Situation], Reason | None]]] = (
-    MappingProxyType(
-        {
-            FailureMeasure.RETRY: _against_retry,
-            FailureMeasure.REPLAN: _against_other_way,
-            FailureMeasure.OTHER_VEHICLE: _against_other_vehicle,
-            FailureMeasure.SKIP: _against_skip,
-        }
-    )
-)
+    # For each measure, in the order in which they are named: the conditions under which it makes no sense.
+    objections: Mapping[FailureMeasure, Sequence[tuple[bool, ReasonCode]]] = {
+        FailureMeasure.RETRY: (
+            (situation.kind is K.UNFIT, R.ROBOT_INCAPABLE),
+            (situation.kind is K.NO_WAY and not step.after, R.STILL_NO_ROUTE),
+        ),
+        FailureMeasure.REPLAN: (
+            (situation.kind is not K.DRIVE, R.DRIVE_NOT_FAILED),
+            (not situation.other_way, R.NO_OTHER_ROUTE),
+        ),
+        FailureMeasure.OTHER_VEHICLE: (
+            (situation.carrying, R.CARRIES_ITS_LOAD),
+            (not situation.online, R.ROBOT_SILENT),
+            (not situation.others, R.NO_OTHER_VEHICLE),
+        ),
+        FailureMeasure.SKIP: ((situation.kind is not K.ACTION, R.NO_OPERATION_FAILED),),
+    }
+    return next((Reason(code) for applies, code in objections[step.do] if applies), None)
 
 
 def is_carrying(
@@ -146,14 +123,15 @@ def is_carrying(
     reports a load; None if it does not report loads. A pick that has begun counts as done, unless the robot
     reports otherwise; a drop counts as done only once it has finished.
     """
-    taking, giving = frozenset(picks), frozenset(drops)
+    pick_operations, drop_operations = frozenset(picks), frozenset(drops)
     carrying = False
-    for each in drive_orders:
-        operation = each.destination.operation
-        if operation in taking:
-            begun = each.state is DriveOrderState.OPERATING and reported is not False
-            carrying = carrying or begun or each.state is DriveOrderState.FINISHED
-        elif operation in giving and each.state is DriveOrderState.FINISHED:
+    for drive_order in drive_orders:
+        operation = drive_order.destination.operation
+        is_finished = drive_order.state is DriveOrderState.FINISHED
+        if operation in pick_operations:
+            has_begun = drive_order.state is DriveOrderState.OPERATING and reported is not False
+            carrying = carrying or has_begun or is_finished
+        elif operation in drop_operations and is_finished:
             carrying = False
     return carrying or bool(reported)
 
@@ -165,65 +143,62 @@ class FailureAssessment:
         self._context = context
         self._fit = fit
 
-    def policy(self, order: TransportOrder) -> FailurePolicy:
+    def policy_of(self, order: TransportOrder) -> FailurePolicy:
         """Return the current failure policy: the destination's, the order's or the default."""
-        own = order.current.destination.on_failure
-        own = order.status.on_failure if own is None else own
-        return self._context.on_failure if own is None else own
+        policies = order.current.destination.on_failure, order.status.on_failure
+        # An empty policy is one, too: it lets the order fail at once.
+        return next((policy for policy in policies if policy is not None), self._context.on_failure)
 
     def retries_actions(self, order: TransportOrder) -> bool:
         """Return whether an action that fails may be retried."""
-        return any(step.do is FailureMeasure.RETRY for step in self.policy(order))
+        return any(step.do is FailureMeasure.RETRY for step in self.policy_of(order))
 
     def decide(self, order: TransportOrder, failure: OrderFailure) -> Decision:
         """Return the measure for a failure."""
-        situation = self._situation(order, failure)
-        return decide(self.policy(order), order.current.measures_taken, situation)
-
-    def _situation(self, order: TransportOrder, failure: OrderFailure) -> Situation:
-        vehicle = self._vehicle(order)
-        view = self._context.view(vehicle)
+        view = self._context.view(self._vehicle_of(order))
         loads = view.state.loads if view.state else None
-        operations = {each.destination.operation for each in order.status.drive_orders}
-        return Situation(
+        action_type = self._context.planner.action_type
+        operations = {drive_order.destination.operation for drive_order in order.status.drive_orders}
+        situation = Situation(
             failure.kind,
             begun=order.current.state is DriveOrderState.OPERATING,
             carrying=is_carrying(
                 order.with_operation_begun(),
-                picks=[each for each in operations if self._context.planner.action_type(each) == PICK],
-                drops=[each for each in operations if self._context.planner.action_type(each) == DROP],
+                picks=[operation for operation in operations if action_type(operation) == PICK],
+                drops=[operation for operation in operations if action_type(operation) == DROP],
                 reported=None if loads is None else bool(loads),
             ),
-            others=self._others(order),
-            other_way=bool(self.detour(order, failure.ahead)),
+            others=self._can_other_take_over(order),
+            other_way=bool(self.detour_of(order, failure.ahead)),
             online=view.link is LinkStatus.ONLINE,
         )
+        return decide(self.policy_of(order), order.current.measures_taken, situation)
 
-    def _others(self, order: TransportOrder) -> bool:
+    def _can_other_take_over(self, order: TransportOrder) -> bool:
+        """Return whether another vehicle may and can execute an order without a person at it."""
         if order.status.intended_vehicle is not None or order.status.wrapping_sequence is not None:
             return False  # one vehicle executes a whole sequence
         tried = {order.vehicle, *order.status.excluded_vehicles}
         others = map(self._context.registry.named, self._context.registry.names() - tried)
-        return any(each and self._may_take_over(order, each) for each in others)
+        return any(
+            vehicle
+            and self._context.view(vehicle).link is LinkStatus.ONLINE
+            and self._context.state.vehicles.of(vehicle.key).integration_level
+            is IntegrationLevel.TO_BE_UTILIZED
+            and not why_not_accepted(self._fit.order_types(vehicle), order.status.type)
+            and self._has_route(order, vehicle)
+            for vehicle in others
+        )
 
-    def _may_take_over(self, order: TransportOrder, vehicle: FleetVehicle) -> bool:
-        """Return whether a vehicle may and can execute an order without a person at it."""
-        level = self._context.state.vehicles.of(vehicle.key).integration_level
-        online = self._context.view(vehicle).link is LinkStatus.ONLINE
-        if not online or level is not IntegrationLevel.TO_BE_UTILIZED:
-            return False
-        refusal = why_not_accepted(self._fit.order_types(vehicle), order.status.type)
-        return not refusal and self._has_way(order, vehicle)
-
-    def detour(self, order: TransportOrder, ahead: tuple[str, ...]) -> tuple[str, ...]:
+    def detour_of(self, order: TransportOrder, ahead: tuple[str, ...]) -> tuple[str, ...]:
         """Return what a detour around the failure avoids: the path and its end point, or only the path."""
         paths = self._context.planner.paths(ahead)
-        for avoided in (ahead, paths):
-            if paths and self._has_way(order, self._vehicle(order), avoided):
+        for avoided in (ahead, paths):  # only the path, if the destination is behind the point
+            if paths and self._has_route(order, self._vehicle_of(order), avoided):
                 return avoided
         return ()
 
-    def _has_way(self, order: TransportOrder, vehicle: FleetVehicle, avoided: tuple[str, ...] = ()) -> bool:
+    def _has_route(self, order: TransportOrder, vehicle: FleetVehicle, avoided: tuple[str, ...] = ()) -> bool:
         try:
             standing = self._context.planner.standing(vehicle, self._context.view(vehicle))
             self._context.planner.way(order, vehicle, standing, frozenset(avoided))
@@ -231,12 +206,12 @@ class FailureAssessment:
             return False
         return True
 
-    def _vehicle(self, order: TransportOrder) -> FleetVehicle:
+    def _vehicle_of(self, order: TransportOrder) -> FleetVehicle:
         vehicle = self._context.registry.named(order.vehicle)
         assert vehicle, "a vehicle with an order is registered"  # noqa: S101 - for the type
         return vehicle
 
 
-def with_others(words: Reason, decision: Decision) -> Reason:
+def with_passed_over(reason: Reason, decision: Decision) -> Reason:
     """Append why other measures of the policy were skipped."""
-    return Reason(R.PASSED_OVER, words, *decision.passed_over) if decision.passed_over else words
+    return Reason(R.PASSED_OVER, reason, *decision.passed_over) if decision.passed_over else reason

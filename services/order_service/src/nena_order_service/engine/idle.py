@@ -51,10 +51,6 @@ class _IdleRound:
     """Final positions of vehicles with orders, by vehicle name."""
 
 
-def _has_nothing_to_do(seen: DispatchedVehicle) -> bool:
-    return not (seen.obstacle or seen.gives_up or seen.kept_for is not None)
-
-
 class IdleVehicles:
     """Creates recharge and park orders for idle vehicles.
 
@@ -76,63 +72,65 @@ class IdleVehicles:
         self._life_cycle = life_cycle
         self._idle: dict[str, _Idle] = {}
 
-    def attend(self, vehicles: Iterable[FleetVehicle]) -> None:
+    def send_idle(self, vehicles: Iterable[FleetVehicle]) -> None:
         """Send idle vehicles with low energy to recharge, and the others to park."""
         if not (self._settings.recharging.enabled or self._settings.parking.enabled):
             return
         if self._state.dispatch_due:
             return  # orders may wait for these vehicles
-        round_ = _IdleRound(self._context.clock.monotonic(), self._goals())
+        round_ = _IdleRound(self._context.clock.monotonic(), self._current_goals())
         for vehicle in vehicles:
-            seen = self._dispatching.consider(vehicle)
+            candidate = self._dispatching.to_candidate(vehicle)
             record = self._idle.setdefault(vehicle.name, _Idle())
-            if not _has_nothing_to_do(seen):
+            if candidate.obstacle or candidate.gives_up or candidate.kept_for is not None:
                 record.since = record.note = record.parking_note = None
-                if self._works_for_a_host(vehicle):
+                order = self._state.order_of(vehicle.key)
+                if order and not order.status.automatic:
                     record.displaced = 0
                 continue
             if record.since is None:
                 record.since = round_.now
-            self._attend(vehicle, seen, record, round_)
+            self._send_vehicle(vehicle, candidate, record, round_)
 
-    def note(self, vehicle: FleetVehicle) -> Reason | None:
+    def why_not_sent(self, vehicle: FleetVehicle) -> Reason | None:
         """Return why an idle vehicle cannot recharge or park although it should; None otherwise."""
         record = self._idle.get(vehicle.name)
         if record and record.note and record.parking_note:
             return Reason(R.ALL, record.note, record.parking_note)
         return record.note or record.parking_note if record else None
 
-    def _attend(
-        self, vehicle: FleetVehicle, seen: DispatchedVehicle, record: _Idle, round_: _IdleRound
+    def _send_vehicle(
+        self, vehicle: FleetVehicle, candidate: DispatchedVehicle, record: _Idle, round_: _IdleRound
     ) -> None:
         record.note = None
-        energy = self._dispatching.energy(vehicle, self._context.view(vehicle))
+        energy = self._dispatching.energy_of(vehicle, self._context.view(vehicle))
         if energy and energy.charging:
             return
-        bound, request = self._dispatching.is_bound(vehicle), None
-        wants_energy = energy and (energy.critical if bound else energy.degraded)
-        if self._settings.recharging.enabled and energy and wants_energy:
-            request = self._recharging(vehicle, seen, record, round_, urgent=energy.critical)
-        if request is not None or bound or not self._is_to_park(seen, record, round_):
+        request = None
+        # Between two orders of a sequence, a vehicle stays for the next one as long as its energy allows.
+        is_bound = self._dispatching.fit.sequences.bound_to(vehicle.name) is not None
+        needs_energy = energy and (energy.critical if is_bound else energy.degraded)
+        if self._settings.recharging.enabled and energy and needs_energy:
+            request = self._recharge_request(vehicle, candidate, record, round_, urgent=energy.critical)
+        parking = self._settings.parking
+        idle_s = 0.0 if record.since is None else round_.now - record.since
+        may_park = parking.enabled and not candidate.restriction and idle_s >= parking.delay
+        if request is not None or is_bound or not may_park:
             record.parking_note = None
         elif round_.now >= record.not_before.get(PARK_TYPE, 0.0):
-            request = self._parking(vehicle, seen, record, round_)
+            request = self._park_request(vehicle, candidate, record, round_)
         if request and round_.now >= record.not_before.get(request.type, 0.0):
             record.not_before[request.type] = round_.now + PAUSE
-            displaces = request.type == PARK_TYPE and self._displaces(vehicle, goal_of(request))
+            displaces = request.type == PARK_TYPE and self._displaces_others(vehicle, goal_of(request))
             if self._life_cycle.create_automatic_order(request):
                 record.since = None
                 record.displaced += displaces
-                round_.goals.update(self._goals())
+                round_.goals.update(self._current_goals())
 
-    def _works_for_a_host(self, vehicle: FleetVehicle) -> bool:
-        order = self._state.order_of(vehicle.key)
-        return order is not None and not order.status.automatic
-
-    def _recharging(
+    def _recharge_request(
         self,
         vehicle: FleetVehicle,
-        seen: DispatchedVehicle,
+        candidate: DispatchedVehicle,
         record: _Idle,
         round_: _IdleRound,
         *,
@@ -140,8 +138,8 @@ class IdleVehicles:
     ) -> TransportOrderRequest | None:
         choice = self._locations.choose(
             vehicle.model,
-            cost=self._cost(vehicle, seen),
-            taken=lambda point: self._is_taken(point, vehicle, round_),
+            cost=self._cost_function(vehicle, candidate),
+            taken=lambda point: bool(self._users_of(point, vehicle, round_)),
             idly_occupied=lambda point: urgent and self._is_idly_occupied(point, vehicle, round_),
         )
         if choice.reason:
@@ -149,39 +147,34 @@ class IdleVehicles:
             return None
         return recharge_request(vehicle.name, choice.location, choice.operation, dispensable=not urgent)
 
-    def _is_to_park(self, seen: DispatchedVehicle, record: _Idle, round_: _IdleRound) -> bool:
-        parking = self._settings.parking
-        since = round_.now if record.since is None else record.since
-        return parking.enabled and not seen.restriction and round_.now - since >= parking.delay
-
-    def _parking(
-        self, vehicle: FleetVehicle, seen: DispatchedVehicle, record: _Idle, round_: _IdleRound
+    def _park_request(
+        self, vehicle: FleetVehicle, candidate: DispatchedVehicle, record: _Idle, round_: _IdleRound
     ) -> TransportOrderRequest | None:
         standing = self._context.planner.standing(vehicle, self._context.view(vehicle))
         choice = self._positions.choose(
             vehicle.model,
             standing.point if standing.on_point else None,
             Prospect(
-                cost=self._cost(vehicle, seen),
-                taken=lambda point: self._is_taken(point, vehicle, round_),
-                displaces=lambda point: self._displaces(vehicle, point),
+                cost=self._cost_function(vehicle, candidate),
+                taken=lambda point: bool(self._users_of(point, vehicle, round_)),
+                displaces=lambda point: self._displaces_others(vehicle, point),
                 may_displace=record.displaced < DISPLACES_AT_MOST,
             ),
         )
         record.parking_note = Reason(R.CANNOT_PARK, choice.reason) if choice.reason else None
-        if choice.reason:  # this may need many route searches
+        if choice.reason:  # finding none may need many route searches
             record.not_before[PARK_TYPE] = round_.now + PAUSE
         return park_request(vehicle.name, choice.point) if choice.point else None
 
-    def _cost(self, vehicle: FleetVehicle, seen: DispatchedVehicle) -> Callable[[str], float]:
+    def _cost_function(self, vehicle: FleetVehicle, candidate: DispatchedVehicle) -> Callable[[str], float]:
         """Return a function that computes the cost for a vehicle to reach a point."""
         router, model = self._context.finder.router, vehicle.model
-        return lambda point: router.costs_to(point, vehicle=model).source(seen.start)
+        return lambda point: router.costs_to(point, vehicle=model).source(candidate.start)
 
-    def _displaces(self, vehicle: FleetVehicle, point: str) -> bool:
+    def _displaces_others(self, vehicle: FleetVehicle, point: str) -> bool:
         return vehicle.name in self._traffic and self._traffic.displaces(vehicle.name, point)
 
-    def _goals(self) -> dict[str, str]:
+    def _current_goals(self) -> dict[str, str]:
         goals = {}
         for vehicle in self._registry:
             order = self._state.order_of(vehicle.key)
@@ -189,16 +182,13 @@ class IdleVehicles:
                 goals[vehicle.name] = route[-1]
         return goals
 
-    def _is_taken(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> bool:
-        """Return whether another vehicle is at a point, will pass it or is going to it."""
-        return bool(self._users(point, vehicle, round_))
-
-    def _users(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> set[str]:
+    def _users_of(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> set[str]:
+        """Return the other vehicles that are at a point, will pass it or are going to it."""
         coming = {name for name, goal in round_.goals.items() if goal == point}
         return {*self._traffic.users(point), *coming} - {vehicle.name}
 
     def _is_idly_occupied(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> bool:
         """Return whether all vehicles at a point have enough energy and nothing to do."""
-        others = (self._registry.named(name) for name in self._users(point, vehicle, round_))
-        seen = (self._dispatching.consider(each) for each in others if each)
-        return all(not (each.obstacle or each.restriction or each.gives_up) for each in seen)
+        users = (self._registry.named(name) for name in self._users_of(point, vehicle, round_))
+        candidates = (self._dispatching.to_candidate(user) for user in users if user)
+        return not any(user.obstacle or user.restriction or user.gives_up for user in candidates)

@@ -14,7 +14,7 @@ from nena_order_service.engine.context import Context
 from nena_order_service.engine.dispatching import GIVES_UP, Dispatched, Dispatching
 from nena_order_service.engine.driving import Driving, Pauses, Stuck
 from nena_order_service.engine.failing_vehicles import FailingVehicles
-from nena_order_service.engine.failure_policy import FailureAssessment, with_others
+from nena_order_service.engine.failure_policy import FailureAssessment, with_passed_over
 from nena_order_service.engine.peripherals import Peripherals
 from nena_order_service.engine.recovery import Recovery
 from nena_order_service.fleet import outputs
@@ -370,7 +370,7 @@ class LifeCycle:
             self._on_drive_order(drive, event, ahead)
             return
         if isinstance(event, outputs.VdaOrderFinished):
-            self._failing_vehicles.drove(vehicle)
+            self._failing_vehicles.on_finished_drive(vehicle)
         if isinstance(event, outputs.VdaOrderFailed):
             log.warning("vehicle did not make room", vehicle=vehicle.name, reason=str(event.reason))
         if isinstance(event, outputs.VdaOrderFinished | outputs.VdaOrderFailed | outputs.VdaOrderCancelled):
@@ -399,7 +399,7 @@ class LifeCycle:
         if order.state is S.WITHDRAWN:
             self._end_order(order.failed(_end_of_withdrawn(order, Reason(R.BASE_FINISHED)), now))
             return
-        job = self._peripherals.failed_behind(drive)
+        job = self._peripherals.failed_job_behind(drive)
         failure = _failure_of(job) if job else None
         if drive.partial:  # otherwise the robot has finished everything, in spite of a cancel
             failure = drive.given_up or failure
@@ -407,11 +407,11 @@ class LifeCycle:
         order = order if drive.partial else order.drive_order_finished(index, now)
         vehicle = self._registry.discover(drive.robot)
         if not drive.partial and len(drive.vda_order.nodes) > 1:
-            self._failing_vehicles.drove(vehicle, order.status.drive_orders[index].destination)
+            self._failing_vehicles.on_finished_drive(vehicle, order.status.drive_orders[index].destination)
         last = order.current.state is DriveOrderState.FINISHED
         if failure and (last or not order.held):
             self._fail_order(order, failure)
-        elif last and not failure and not self._peripherals.behind(vehicle):
+        elif last and not failure and not self._peripherals.jobs_behind(vehicle):
             self._end_order(order.finished(now))
         else:
             order = order.failed_while_held(failure.words) if failure else order
@@ -454,13 +454,13 @@ class LifeCycle:
         next_try = now + timedelta(seconds=step.after) if step.after else None
         log.info("measure taken", order=order.name, measure=step.do, kind=failure.kind, reason=str(words))
         if step.do in (FailureMeasure.OTHER_VEHICLE, FailureMeasure.FAIL):
-            self._failing_vehicles.failed(vehicle, order.current.destination, failure)
+            self._failing_vehicles.on_failed_order(vehicle, order.current.destination, failure)
         match step.do:
             case FailureMeasure.RETRY:
                 order = order.retried(decision.taken, words, now=now, next_try=next_try)
                 self._continue_order(order, again=True)
             case FailureMeasure.REPLAN:
-                avoided = self._failures.detour(order, failure.ahead)
+                avoided = self._failures.detour_of(order, failure.ahead)
                 order = order.replanned(decision.taken, words, now=now, avoided=avoided, next_try=next_try)
                 self._continue_order(order, again=True)
             case FailureMeasure.OTHER_VEHICLE:
@@ -469,10 +469,10 @@ class LifeCycle:
             case FailureMeasure.SKIP:
                 self._skip_destination(order.skipped(words, now))
             case FailureMeasure.HOLD:
-                hold = Hold(by=POLICY, since=now, **explained(with_others(words, decision)))
+                hold = Hold(by=POLICY, since=now, **explained(with_passed_over(words, decision)))
                 self._continue_order(order.on_hold(hold, now), again=True)
             case FailureMeasure.FAIL:
-                self._end_order(order.failed(with_others(words, decision), now))
+                self._end_order(order.failed(with_passed_over(words, decision), now))
 
     def _skip_destination(self, order: TransportOrder) -> None:
         if order.current.state is DriveOrderState.TRAVELLING:

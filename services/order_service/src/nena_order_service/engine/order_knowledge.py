@@ -40,12 +40,12 @@ class OrderFit:
 
     def order_types(self, vehicle: FleetVehicle) -> tuple[AcceptableOrderType, ...]:
         """Return the order types that a vehicle accepts: those set by hosts, otherwise the plant model's."""
-        chosen = self.records.of(vehicle.key).acceptable_order_types
-        if chosen is not None:
-            return chosen
+        set_by_host = self.records.of(vehicle.key).acceptable_order_types
+        if set_by_host is not None:
+            return set_by_host
         return acceptable(vehicle.model.acceptable_order_types if vehicle.model else None)
 
-    def accept(self, vehicle: FleetVehicle, types: tuple[AcceptableOrderType, ...]) -> None:
+    def set_order_types(self, vehicle: FleetVehicle, types: tuple[AcceptableOrderType, ...]) -> None:
         """Set the order types that a vehicle accepts; its current order is not affected."""
         self.records.change(vehicle.key, acceptable_order_types=types)
 
@@ -91,12 +91,12 @@ class OrderKnowledge:
 
     def why_unsuitable(self, order: TransportOrder, vehicle: DispatchedVehicle) -> Reason | None:
         """Return, as a predicate, why a vehicle must never execute an order; None if it may."""
-        if order.status.automatic:
+        if order.status.automatic:  # for its own vehicle, whatever types a host lets that accept
             return None
         if vehicle.name in order.status.excluded_vehicles:
             return Reason(R.FAILED_BEFORE)
-        why = self._fit.sequences.why_unsuitable(order, vehicle.name)
-        return why or why_not_accepted(vehicle.order_types, order.status.type)
+        reason = self._fit.sequences.why_unsuitable(order, vehicle.name)
+        return reason or why_not_accepted(vehicle.order_types, order.status.type)
 
     def recharges(self, order: TransportOrder) -> bool:
         """Return whether the next operation of an order is a recharge."""
@@ -112,11 +112,12 @@ class OrderKnowledge:
         """Return the costs of each vehicle's route, complete and to the first destination; infinity: none."""
         costs: list[tuple[float, float]] = []
         for kind, group in groupby(vehicles, lambda vehicle: vehicle.routing_kind):
-            alike = [*group]
+            same_kind = [*group]
+            starts = [vehicle.start for vehicle in same_kind]
             try:
-                costs += self._costs_from([vehicle.start for vehicle in alike], order, alike[0].name, kind)
+                costs += self._costs_from(starts, order, same_kind[0].name, kind)
             except UnknownObjectError:  # the plant lacks a resource to avoid; `why_no_route` names it
-                costs += [NO_ROUTE] * len(alike)
+                costs += [NO_ROUTE] * len(same_kind)
         return costs
 
     def _costs_from(
@@ -126,6 +127,7 @@ class OrderKnowledge:
         if cached := self._costs.get(key):
             return cached.sources(starts)
         stops, model, avoid = stops_of(order), self._registry.model(vehicle), order.resources_to_avoid
+        # Costs backwards from the end, for all starts at once, exist only between points of the plant.
         if any(stop.coordinate for stop in stops):
             return [self._routes.cost(start, stops, vehicle=model, avoid=avoid) for start in starts]
         if len(self._costs) >= self._limit:

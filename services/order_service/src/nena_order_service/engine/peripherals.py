@@ -13,6 +13,7 @@ from itertools import islice
 from typing import Protocol
 
 from nena_order_service.engine.context import Context
+from nena_order_service.engine.state import PeripheralJobs
 from nena_order_service.fleet.vda_order import order_id
 from nena_order_service.orders.drive import Drive
 from nena_order_service.orders.transport_order import TransportOrder, sortable_id
@@ -84,7 +85,8 @@ class Peripherals:
         self._jobs = context.state.peripheral_jobs
         self._traffic = context.traffic
         settings = context.settings.peripherals
-        self._operations = devices_of(context.plant) if settings.enabled else {}
+        self.operations = devices_of(context.plant) if settings.enabled else {}
+        """The operations of each device, by location."""
         self._finder = NeedsFinder(context.plant, enabled=settings.enabled)
         self._devices = Devices(settings)
         for location in context.plant.locations:
@@ -97,35 +99,37 @@ class Peripherals:
 
     # Vehicles on their routes
 
-    def gate(self, vehicle: FleetVehicle, drive: Drive | None) -> Gate:
+    def gate_for(self, vehicle: FleetVehicle, drive: Drive | None) -> Gate:
         """Return how far a VDA order may be allocated and released; request its jobs that are due."""
         self.waiting.pop(vehicle.name, None)
-        needs = self._needs(drive)
-        earlier = self.behind(vehicle, drive)
+        needs = self._route_needs(drive)
+        earlier = self.jobs_behind(vehicle, drive)
         if drive is None or not (needs or earlier):
             return OPEN
         for operation in needs.at_once():
-            if self.requested(operation) is None:
-                self.require(operation, vehicle, drive)
-        return _RouteGate(self, vehicle, drive, needs, earlier)
+            if self._jobs.at(operation.key) is None:
+                self.require_job(operation, vehicle, drive)
+        return _RouteGate(self, self._jobs, vehicle, drive, needs, earlier=earlier)
 
-    def moved(self, vehicle: FleetVehicle, drive: Drive, reached: int, *, finished: bool = False) -> None:
+    def request_after_movement(
+        self, vehicle: FleetVehicle, drive: Drive, reached: int, *, finished: bool = False
+    ) -> None:
         """Request the AFTER_MOVEMENT jobs of the first ``reached`` paths.
 
         ``finished``: also those of the destination.
         """
-        for each in self._needs(drive).operations:
-            if each.trigger is T.AFTER_MOVEMENT:
-                due = finished if each.key.step == DESTINATION else each.step < reached
-                if due and self._jobs.at(each.key) is None:
-                    self.require(each, vehicle, drive)
+        for operation in self._route_needs(drive).operations:
+            if operation.trigger is T.AFTER_MOVEMENT:
+                is_due = finished if operation.key.step == DESTINATION else operation.step < reached
+                if is_due and self._jobs.at(operation.key) is None:
+                    self.require_job(operation, vehicle, drive)
                     self._state.drive_due = True
 
-    def require(self, operation: NeededOperation, vehicle: FleetVehicle, drive: Drive) -> PeripheralJob:
+    def require_job(self, operation: NeededOperation, vehicle: FleetVehicle, drive: Drive) -> PeripheralJob:
         """Return the job that an operation of a route waits for; create it unless there is a valid one."""
         job = self._jobs.at(operation.key)
-        if job and (valid := self._valid(job, last_step=len(drive.way) - 1)):
-            return valid
+        if job and (valid_job := self._valid_job(job, last_step=len(drive.way) - 1)):
+            return valid_job
         order = None if drive.relocation else self._state.order_of(drive.robot)
         status = PeripheralJobStatus(
             name=f"{JOB_PREFIX}-{sortable_id()}",
@@ -134,14 +138,14 @@ class Peripherals:
             operation=operation.operation,
             execution_trigger=operation.trigger,
             completion_required=operation.required,
-            reservation_token=self._token(vehicle, order),
+            reservation_token=_reservation_token(vehicle.name, order),
             related_vehicle=vehicle.name,
             related_transport_order=order.name if order else None,
             path=operation.key.path or None,
             created=self._clock.now(),
         )
         key = operation.key
-        return self._create(
+        return self._add_job(
             PeripheralJob(
                 number=self._jobs.next_number(),
                 status=status,
@@ -151,14 +155,10 @@ class Peripherals:
             )
         )
 
-    def requested(self, operation: NeededOperation) -> PeripheralJob | None:
-        """Return the job for an operation of a route; None if it was not requested yet."""
-        return self._jobs.at(operation.key)
-
-    def why(self, job: PeripheralJob) -> Reason:
+    def why_unfinished(self, job: PeripheralJob) -> Reason:
         """Return what an unfinished job waits for, as the end of a sentence about its device."""
         status, location = job.status, job.status.location
-        state, other = self._devices.state(location), self._devices.job(location)
+        state, current = self._devices.state(location), self._devices.job(location)
         awaited, reported = R.TO_EXECUTE, R.TO_EXECUTE_REPORTS
         if status.state is PeripheralJobState.BEING_PROCESSED:
             acknowledged = self._devices.acknowledged(location)
@@ -166,108 +166,92 @@ class Peripherals:
             reported = R.TO_FINISH_REPORTS if acknowledged else R.TO_ACKNOWLEDGE_REPORTS
         if not state.takes_jobs:
             return Reason(reported, operation=status.operation, reported=state)
-        if other == job.name:
+        if current == job.name:
             return Reason(awaited, operation=status.operation)
-        if running := self._jobs.named(other) if other else None:
+        if running := self._jobs.named(current) if current else None:
             return Reason(R.TO_EXECUTE_AFTER, operation=status.operation, other=running.status.operation)
         if users := sorted(self._other_users(job)):
             return Reason(R.TO_EXECUTE_USED, operation=status.operation, vehicles=", ".join(users))
         return Reason(R.TO_EXECUTE, operation=status.operation)
 
-    def note(self, vehicle: str) -> Reason | None:
-        """Return for which device a vehicle waits; None if it waits for none."""
-        job = self._jobs.named(self.waiting.get(vehicle, ""))
-        return self.wait_for(job) if job else None
+    def job_awaited_by(self, vehicle: str) -> PeripheralJob | None:
+        """Return the job for which a vehicle waits; None if it waits for none."""
+        return self._jobs.named(self.waiting.get(vehicle, ""))
 
-    def wait_for(self, job: PeripheralJob) -> Reason:
+    def wait_reason(self, job: PeripheralJob) -> Reason:
         """Return that a vehicle waits for a job."""
         location, operation = job.status.location, job.status.operation
         if job.over:
             return Reason(R.PERIPHERAL_FAILED, location=location, operation=operation)
-        return Reason(R.WAITS_FOR_PERIPHERAL, self.why(job), location=location)
+        return Reason(R.WAITS_FOR_PERIPHERAL, self.why_unfinished(job), location=location)
 
-    def location_waited_for(self, vehicle: str) -> str | None:
-        """Return the location of the device for which a vehicle waits; None if it waits for none."""
-        job = self._jobs.named(self.waiting.get(vehicle, ""))
-        return job.status.location if job else None
-
-    def withdraw_needless(self) -> None:
+    def withdraw_unneeded(self) -> None:
         """Withdraw the jobs that no route needs any more."""
         if not self._jobs.any_known:
             return
-        drives = {each.order_id: each for each in self._state.drives.with_routes()}
+        drives = {drive.order_id: drive for drive in self._state.drives.with_routes()}
         for job in self._jobs.unfinished():
             if job.key and not job.after_movement and not self._is_needed(job, drives):
-                self._withdraw(job, NO_LONGER_NEEDED)
+                # Without the order's ID: if the vehicle needs the operation again, that is another job.
+                released = job.model_copy(update={"order_id": ""})
+                self._end_early(released, NO_LONGER_NEEDED, cancel=True)
         self._jobs.forget_ended(lambda job: self._is_needed(job, drives))
 
-    def failed_behind(self, drive: Drive) -> PeripheralJob | None:
+    def failed_job_behind(self, drive: Drive) -> PeripheralJob | None:
         """Return a required job after a movement of a VDA order that has failed; None if there is none."""
         required = (
-            self.requested(each)
-            for each in self._needs(drive).operations
-            if each.required and each.trigger is T.AFTER_MOVEMENT
+            self._jobs.at(operation.key)
+            for operation in self._route_needs(drive).operations
+            if operation.required and operation.trigger is T.AFTER_MOVEMENT
         )
         return next((job for job in required if job and job.over and not job.done), None)
 
-    def note_users(self) -> None:
+    def publish_users(self) -> None:
         """Publish the devices whose users have changed."""
-        for location in self._operations:
+        for location in self.operations:
             users = self._traffic.holders(location)
             if users != self._users.get(location, frozenset()):
                 self._users[location] = users
                 self._state.peripheral_changed(location)
 
-    def take_failed(self) -> list[PeripheralJob]:
+    def pop_failed_jobs(self) -> list[PeripheralJob]:
         """Return the failed jobs on which vehicles depend, since the last call."""
         failed, self._failed = self._failed, []
         return failed
 
     # Hosts
 
-    @property
-    def locations(self) -> tuple[str, ...]:
-        """The locations with a device."""
-        return tuple(self._operations)
-
-    def operations(self, location: str) -> tuple[str, ...] | None:
-        """Return the operations of a device; None if the location has none."""
-        return self._operations.get(location)
-
-    def status(self, location: str) -> PeripheralStatus:
+    def device_status(self, location: str) -> PeripheralStatus:
         """Return the state of a device."""
         name = self._devices.job(location)
         job = self._jobs.visible(name) if name else None
         waiting = [
-            each.name
-            for each in self._jobs.unfinished()
-            if each.status.location == location and each.name != name
+            unfinished.name
+            for unfinished in self._jobs.unfinished()
+            if unfinished.status.location == location and unfinished.name != name
         ]
+        # Of the jobs, the status has the newest ones: a host that needs others lists them.
+        shown = [job for job in self._jobs.all_visible() if job.status.location == location]
+        shown_unfinished = islice((job for job in reversed(shown) if not job.over), UNFINISHED_SHOWN)
+        shown_ended = [job.status for job in shown if job.over]
+        shown_ended.sort(key=lambda status: status.finished or status.created, reverse=True)
         return PeripheralStatus(
             location=location,
             state=self._devices.state(location),
-            operations=self._operations.get(location, ()),
+            operations=self.operations.get(location, ()),
             job=self.job_status(job) if job else None,
             waiting=tuple(waiting),
             used_by=tuple(sorted(self._traffic.holders(location))),
-            jobs=self._shown_jobs(location),
+            jobs=(*map(self.job_status, shown_unfinished), *shown_ended[:ENDED_SHOWN]),
         )
 
     def job_status(self, job: PeripheralJob) -> PeripheralJobStatus:
         """Return the state of a committed job, with what it waits for."""
         if job.over:
             return job.status
-        return job.status.model_copy(update=explained(Reason(R.DEVICE_WAITS, self.why(job))))
+        return job.status.model_copy(update=explained(Reason(R.DEVICE_WAITS, self.why_unfinished(job))))
 
-    def _shown_jobs(self, location: str) -> tuple[PeripheralJobStatus, ...]:
-        """Return the committed jobs of a device that its status has."""
-        own = [job for job in self._jobs.all_visible() if job.status.location == location]
-        ended = [job.status for job in own if job.over]
-        ended.sort(key=lambda each: each.finished or each.created, reverse=True)
-        unfinished = islice((job for job in reversed(own) if not job.over), UNFINISHED_SHOWN)
-        return (*map(self.job_status, unfinished), *ended[:ENDED_SHOWN])
-
-    def create(self, request: PeripheralJobRequest, name: str) -> PeripheralJob:
+    def create_job(self, request: PeripheralJobRequest, name: str) -> PeripheralJob:
         """Create the job that a host requests."""
         status = PeripheralJobStatus(
             name=name,
@@ -279,32 +263,30 @@ class Peripherals:
             reservation_token=request.reservation_token,
             created=self._clock.now(),
         )
-        job = self._create(PeripheralJob(number=self._jobs.next_number(), status=status))
-        self.dispatch()
+        job = self._add_job(PeripheralJob(number=self._jobs.next_number(), status=status))
+        self.send_next_jobs()
         return job
 
-    def withdraw(self, name: str, reason: str) -> None:
+    def withdraw_job(self, name: str, reason: str) -> None:
         """Withdraw a job; does nothing if it has ended. Its vehicle fails if it needs the job."""
         job = self._jobs.named(name)
         if job and not job.over:
-            self._fail(job, Reason(R.WITHDRAWN, reason), cancel=True)
-            self.dispatch()
+            self._fail_job(job, Reason(R.WITHDRAWN, reason), cancel=True)
+            self.send_next_jobs()
 
     # Devices
 
-    def dispatch(self) -> None:
-        """Send each free device its next job: the oldest that may begin, and first those after movements.
-
-        A door is closed behind one vehicle before it is opened for the next one, never after that.
-        """
+    def send_next_jobs(self) -> None:
+        """Send each free device its next job: the oldest that may begin, and first those after movements."""
+        # A door is closed behind one vehicle before it is opened for the next one, never after that.
         for job in sorted(self._jobs.unfinished(), key=lambda job: not job.after_movement):
             location = job.status.location
-            waits = job.status.state is PeripheralJobState.TO_BE_PROCESSED
-            if waits and self._devices.is_free(location) and not self._other_users(job):
+            is_waiting = job.status.state is PeripheralJobState.TO_BE_PROCESSED
+            if is_waiting and self._devices.is_free(location) and not self._other_users(job):
                 self._last[location] = job
-                self._put(job.begun())
+                self._put_job(job.begun())
                 self._devices.begin(location, job.name, self._clock.monotonic())
-                self._ask(job)
+                self._request_device(job)
 
     def restore(self, documents: Mapping[str, str]) -> None:
         """Restore jobs after a restart; those under way are sent again when the broker is connected."""
@@ -313,21 +295,21 @@ class Peripherals:
         for job in sorted(ended, key=lambda job: (job.status.finished, job.number)):
             self._last[job.status.location] = job
         for job in self._jobs.unfinished():
-            if job.status.location not in self._operations:
-                self._fail(job, Reason.of("the plant model no longer has its device"), cancel=True)
+            if job.status.location not in self.operations:
+                self._fail_job(job, Reason.of("the plant model no longer has its device"), cancel=True)
             elif job.status.state is PeripheralJobState.BEING_PROCESSED:
                 self._last[job.status.location] = job
                 self._devices.begin(job.status.location, job.name, self._clock.monotonic())
 
-    def under_way(self) -> list[tuple[str, DeviceRequest]]:
+    def requests_under_way(self) -> list[tuple[str, DeviceRequest]]:
         """Return the requests to send at a new connection to the broker: those of the jobs under way."""
         now = self._clock.now()
         self._devices.restart_times(self._clock.monotonic())
         running = PeripheralJobState.BEING_PROCESSED
-        committed = [each for each in self._jobs.all_visible() if each.status.state is running]
-        return [(each.status.location, each.request(now)) for each in committed]
+        committed = [job for job in self._jobs.all_visible() if job.status.state is running]
+        return [(job.status.location, job.request(now)) for job in committed]
 
-    def awaits(self, location: str, answer: DeviceAnswer) -> bool:
+    def is_new_answer(self, location: str, answer: DeviceAnswer) -> bool:
         """Return whether a device's answer is new; others are counted, and change nothing."""
         if self._devices.awaits(location, answer.job_id, answer.state):
             return True
@@ -337,66 +319,65 @@ class Peripherals:
         self.answers[Verdict.IGNORED.name.lower()] += 1
         return False
 
-    def answered(self, location: str, answer: DeviceAnswer) -> None:
-        """Handle a device's answer that is new; see :meth:`awaits`."""
+    def on_answer(self, location: str, answer: DeviceAnswer) -> None:
+        """Handle a device's answer that is new; see :meth:`is_new_answer`."""
         job = self._jobs.named(answer.job_id)
-        now = self._clock.monotonic()
-        verdict = self._devices.answer(location, answer.job_id, answer.state, now)
+        verdict = self._devices.answer(location, answer.job_id, answer.state, self._clock.monotonic())
         self.answers[verdict.name.lower()] += 1
         if job is None:
             return
         if verdict is Verdict.FINISHED:
             self._devices.end(location, job.name)
-            self._put(job.finished(self._clock.now()))
+            self._put_job(job.finished(self._clock.now()))
             log.info("peripheral job finished", job=job.name, peripheral=location)
         elif verdict is Verdict.FAILED:
-            words = answer.reason
-            self._fail(job, Reason.of(words) if words else Reason(R.DEVICE_GIVES_NO_REASON))
+            reason = Reason.of(answer.reason) if answer.reason else Reason(R.DEVICE_GIVES_NO_REASON)
+            self._fail_job(job, reason)
         self._state.drive_due = True
         self._state.peripheral_changed(location)
 
-    def is_news(self, location: str, state: PeripheralState) -> bool:
+    def is_new_state(self, location: str, state: PeripheralState) -> bool:
         """Return whether a device's own state is another one than before."""
-        return location in self._operations and self._devices.reported(location) is not state
+        return location in self.operations and self._devices.reported(location) is not state
 
-    def reported(self, location: str, state: PeripheralState) -> None:
-        """Handle a device's own state that is new; see :meth:`is_news`."""
+    def on_state(self, location: str, state: PeripheralState) -> None:
+        """Handle a device's own state that is new; see :meth:`is_new_state`."""
         log.info("peripheral reports its state", peripheral=location, state=state)
-        back = self._devices.report(location, state, self._clock.monotonic())
+        is_back = self._devices.report(location, state, self._clock.monotonic())
         job = self._jobs.named(self._devices.job(location) or "")
-        if back and job:
-            self._ask(job)
+        if is_back and job:  # it may have restarted, and never have got the job
+            self._request_device(job)
         self._state.drive_due = True
         self._state.peripheral_changed(location)
 
     def check_times(self) -> None:
         """Send jobs again that are not acknowledged, and fail those that are overdue."""
         now = self._clock.monotonic()
-        if not self._context.fleet.connected_for():
+        if not self._context.fleet.connected_for():  # no device can answer without the broker
             self._devices.restart_times(now)
             return
-        for each in self._devices.overdue(now):
-            job = self._jobs.named(each.job)
+        for overdue in self._devices.overdue(now):
+            job = self._jobs.named(overdue.job)
             if job is None:
                 continue
-            if each.reason:
-                self._fail(job, each.reason, cancel=True)
+            if overdue.reason:
+                self._fail_job(job, overdue.reason, cancel=True)
             else:
-                log.info("peripheral job sent again", job=job.name, peripheral=each.location)
-                self._ask(job)
+                log.info("peripheral job sent again", job=job.name, peripheral=overdue.location)
+                self._request_device(job)
 
-    def _create(self, job: PeripheralJob) -> PeripheralJob:
-        self._put(job)
+    def _add_job(self, job: PeripheralJob) -> PeripheralJob:
+        self._put_job(job)
         status = job.status
         dispensable = [
-            each
-            for each in self._jobs.unfinished()
-            if each.status.location == status.location
-            and each.status.state is PeripheralJobState.TO_BE_PROCESSED
-            and not each.status.completion_required
+            waiting
+            for waiting in self._jobs.unfinished()
+            if waiting.status.location == status.location
+            and waiting.status.state is PeripheralJobState.TO_BE_PROCESSED
+            and not waiting.status.completion_required
         ]
-        for each in dispensable[:-MOST_WAITING]:
-            self._end_early(each, Reason(R.JOBS_TOO_MANY, count=MOST_WAITING), cancel=False)
+        for oldest in dispensable[:-MOST_WAITING]:
+            self._end_early(oldest, Reason(R.JOBS_TOO_MANY, count=MOST_WAITING), cancel=False)
         log.info(
             "peripheral job created",
             job=job.name,
@@ -407,7 +388,7 @@ class Peripherals:
         )
         return job
 
-    def _put(self, job: PeripheralJob) -> None:
+    def _put_job(self, job: PeripheralJob) -> None:
         self._jobs.put(job)
         self._state.dispatch_due |= job.over and job.after_movement  # its vehicle may be paused for it
         last = self._last.get(job.status.location)
@@ -415,21 +396,17 @@ class Peripherals:
             self._last[job.status.location] = job
         self._state.peripheral_changed(job.status.location)
 
-    def _ask(self, job: PeripheralJob) -> None:
+    def _request_device(self, job: PeripheralJob) -> None:
         request = job.request(self._clock.now())
         for port in self.ports:
             self._state.after_commit(partial(port.request, job.status.location, request))
 
-    def _fail(self, job: PeripheralJob, reason: Reason, *, cancel: bool = False) -> None:
+    def _fail_job(self, job: PeripheralJob, reason: Reason, *, cancel: bool = False) -> None:
         """Fail a job, and the vehicle that depends on it; ``cancel``: its device may not know."""
         self._end_early(job, reason, cancel=cancel)
         if job.status.completion_required and job.key:
             self._failed.append(job.failed(reason, self._clock.now()))
         self._state.drive_due = True
-
-    def _withdraw(self, job: PeripheralJob, reason: Reason) -> None:
-        """End a job of which its vehicle has let go; if it needs the operation again, that is another job."""
-        self._end_early(job.model_copy(update={"order_id": ""}), reason, cancel=True)
 
     def _end_early(self, job: PeripheralJob, reason: Reason, *, cancel: bool) -> None:
         location = job.status.location
@@ -439,27 +416,20 @@ class Peripherals:
             for port in self.ports:
                 self._state.after_commit(partial(port.cancel, location, cancellation))
         self._devices.end(location, job.name)
-        self._put(job.failed(reason, self._clock.now()))
+        self._put_job(job.failed(reason, self._clock.now()))
 
     def _other_users(self, job: PeripheralJob) -> list[str]:
         """Return the vehicles with other tokens for which a job has to wait: one may be in the door."""
         status = job.status
-        return [
-            name
-            for name in self._traffic.holders(status.location) - {status.related_vehicle}
-            if self._token_of(name) != status.reservation_token
-        ]
+        others: list[str] = []
+        for name in self._traffic.holders(status.location) - {status.related_vehicle}:
+            vehicle = self._context.registry.named(name)
+            order = self._state.order_of(vehicle.key) if vehicle else None
+            if _reservation_token(name, order) != status.reservation_token:
+                others.append(name)
+        return others
 
-    def _token_of(self, name: str) -> str:
-        vehicle = self._context.registry.named(name)
-        return self._token(vehicle, self._state.order_of(vehicle.key)) if vehicle else name
-
-    @staticmethod
-    def _token(vehicle: FleetVehicle, order: TransportOrder | None) -> str:
-        own = order.status.peripheral_reservation_token if order else None
-        return own or vehicle.name
-
-    def _valid(self, job: PeripheralJob, *, last_step: int) -> PeripheralJob | None:
+    def _valid_job(self, job: PeripheralJob, *, last_step: int) -> PeripheralJob | None:
         """Return the job that shows what became of an operation: this one, or a later one that repeats it.
 
         None if its device has been moved otherwise since it was done, or is about to be moved.
@@ -469,28 +439,30 @@ class Peripherals:
         if not job.done:
             return job
         if any(
-            each.after_movement
-            and each.status.location == location
-            and each.status.operation != operation
-            and not self._other_users(each)
-            for each in self._jobs.unfinished()
+            unfinished.after_movement
+            and unfinished.status.location == location
+            and unfinished.status.operation != operation
+            and not self._other_users(unfinished)
+            for unfinished in self._jobs.unfinished()
         ):
-            return None
+            return None  # for example, the door is about to be closed behind another vehicle
         if last is None or last.name == job.name:
             return job
         if last.status.operation == operation:
             return None if last.over and not last.done else last
+        # Two operations of one step of a route may ask one device for different things: the first one stays
+        # valid after the second one, otherwise each would repeat the other forever.
         steps = {last_step if step == DESTINATION else step for step in (job.step, last.step)}
-        together = last.order_id == job.order_id and len(steps) == 1 and not last.after_movement
-        return job if together else None
+        is_same_step = last.order_id == job.order_id and len(steps) == 1 and not last.after_movement
+        return job if is_same_step else None
 
-    def hold_back(self, vehicle: FleetVehicle, resources: Iterable[str]) -> bool:
+    def others_hold_device(self, vehicle: FleetVehicle, resources: Iterable[str]) -> bool:
         """Return whether other vehicles hold a device among these resources: they pass first."""
         return any(
-            self._traffic.holders(each) - {vehicle.name} for each in resources if each in self._operations
+            self._traffic.holders(name) - {vehicle.name} for name in resources if name in self.operations
         )
 
-    def behind(self, vehicle: FleetVehicle, drive: Drive | None = None) -> list[PeripheralJob]:
+    def jobs_behind(self, vehicle: FleetVehicle, drive: Drive | None = None) -> list[PeripheralJob]:
         """Return the jobs after earlier movements for which a vehicle has to wait before it drives again.
 
         ``drive`` is the one that it is on.
@@ -504,8 +476,8 @@ class Peripherals:
             and (drive is None or job.order_id != drive.order_id)
         ]
 
-    def _needs(self, drive: Drive | None) -> RouteNeeds:
-        if drive is None or not self._operations:
+    def _route_needs(self, drive: Drive | None) -> RouteNeeds:
+        if drive is None or not self.operations:
             return NOTHING
         destination: tuple[StepOperation, ...] = ()
         order = self._state.order_of(drive.robot)
@@ -513,16 +485,22 @@ class Peripherals:
             drive_order = order.status.drive_orders[drive.drive_order_index]
             destination = drive_order.destination.peripheral_operations
         vda_order = drive.vda_order
-        edges = [each.edge_id for each in vda_order.edges]
+        edges = [edge.edge_id for edge in vda_order.edges]
         return self._finder.of(vda_order.order_id, edges, destination, last=len(drive.way) - 1)
 
     def _is_needed(self, job: PeripheralJob, drives: Mapping[str, Drive]) -> bool:
         if drive := drives.get(job.order_id):
-            return not drive.cancelled and job.key in self._needs(drive).keys
+            return not drive.cancelled and job.key in self._route_needs(drive).keys
         order = self._state.orders.named(job.status.related_transport_order or "")
         if order is None or order.state is not TransportOrderState.BEING_PROCESSED or order.held:
             return False
         return order_id(order.name, order.index, order.current.attempts) == job.order_id
+
+
+def _reservation_token(vehicle: str, order: TransportOrder | None) -> str:
+    """Return what lets several vehicles use a device at once (openTCS: peripheral reservation token)."""
+    own = order.status.peripheral_reservation_token if order else None
+    return own or vehicle
 
 
 class _RouteGate:
@@ -531,52 +509,52 @@ class _RouteGate:
     def __init__(
         self,
         peripherals: Peripherals,
+        jobs: PeripheralJobs,
         vehicle: FleetVehicle,
         drive: Drive,
         needs: RouteNeeds,
+        *,
         earlier: Iterable[PeripheralJob],
     ) -> None:
         self._peripherals = peripherals
+        self._jobs = jobs
         self._vehicle = vehicle
         self._drive = drive
         self._needs = needs
         self._earlier = tuple(earlier)
 
     def may_allocate(self, index: int) -> bool:
-        """Return whether the jobs before the allocation of a set are done; -1: of a route without sets.
-
-        Also True if another vehicle holds a device of the set: traffic control then refuses it, and names
-        that vehicle. Nothing is requested before it has left.
-        """
+        """Return whether the jobs before the allocation of a set are done; -1: of a route without sets."""
         for job in self._earlier:
-            self._wait(job)
+            self._wait_for(job)
         if self._earlier or not all(map(self._is_behind, self._needs.before(index))):
             return False
         way = self._drive.way
-        if way and self._peripherals.hold_back(self._vehicle, way[index].uses):
+        if way and self._peripherals.others_hold_device(self._vehicle, way[index].uses):
+            # Traffic control refuses the set, naming that vehicle. Nothing is requested before it has left.
             return True
-        return self._all_done(self._needs.at(index, T.IMMEDIATE, T.BEFORE_ALLOCATION))
+        return self._request_all(self._needs.at(index, T.IMMEDIATE, T.BEFORE_ALLOCATION))
 
     def may_release(self, index: int) -> bool:
         """Return whether the jobs after the allocation of a set are done."""
-        return self._all_done(self._needs.at(index, T.AFTER_ALLOCATION))
+        return self._request_all(self._needs.at(index, T.AFTER_ALLOCATION))
 
-    def _all_done(self, operations: Iterable[NeededOperation]) -> bool:
+    def _request_all(self, operations: Iterable[NeededOperation]) -> bool:
         """Request the jobs of operations; return whether those are done that the vehicle waits for."""
-        done = True
-        for each in operations:
-            job = self._peripherals.require(each, self._vehicle, self._drive)
-            if each.required and not job.done:
-                done = False
-                self._wait(job)
-        return done
+        all_done = True
+        for operation in operations:  # also those behind one that is not done: devices work at the same time
+            job = self._peripherals.require_job(operation, self._vehicle, self._drive)
+            if operation.required and not job.done:
+                all_done = False
+                self._wait_for(job)
+        return all_done
 
     def _is_behind(self, operation: NeededOperation) -> bool:
         """Return whether the vehicle has moved so far that a job was requested and, if required, is done."""
-        job = self._peripherals.requested(operation)
+        job = self._jobs.at(operation.key)
         if job and operation.required and not job.over:
-            self._wait(job)
+            self._wait_for(job)
         return job is not None and (job.done or not operation.required)
 
-    def _wait(self, job: PeripheralJob) -> None:
+    def _wait_for(self, job: PeripheralJob) -> None:
         self._peripherals.waiting[self._vehicle.name] = job.name

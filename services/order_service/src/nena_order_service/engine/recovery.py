@@ -38,7 +38,7 @@ class Recovery:
         Nothing waits for the first states of the ``absent``.
         """
         vehicles = tuple(self._registry.discover(record.robot) for record in self._vehicles)
-        self._gate.begin(
+        self._gate.wait_for(
             vehicle
             for vehicle in self._registry
             if vehicle.key not in absent and self._vehicles.of(vehicle.key).integration_level.holds_resources

@@ -217,9 +217,9 @@ class StatusReporter:
         bound = self._sequences.bound_to(vehicle.name)
         awaits = Reason(R.WAITS_FOR_SEQUENCE, sequence=bound) if bound else None
         more = (
-            self._driving.positions.unseen(vehicle),
+            self._driving.positions.why_unprotected(vehicle),
             awaits,
-            self._idle.note(vehicle),
+            self._idle.why_not_sent(vehicle),
             self._context.traffic.sharing(vehicle.name),
         )
         reasons = [*filter(None, (reason, *more))]

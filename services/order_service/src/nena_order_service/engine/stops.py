@@ -23,7 +23,6 @@ from nena_order_service.fleet.instant_actions import START_PAUSE
 from nena_order_service.fleet.outputs import InstantActionEnded
 from nena_order_service.fleet.robot import NOT_REACHED, LinkStatus, RobotView
 from nena_order_service.fleet.vda_order import unique_id
-from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.traffic.areas import resources_in
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained
@@ -71,7 +70,7 @@ class FleetStop(BaseModel):
     area: Area | None = None
 
     @property
-    def text(self) -> Reason:
+    def as_reason(self) -> Reason:
         """Who pauses which robots and why, for the reasons of vehicles and orders."""
         return Reason(R.AREA_PAUSED if self.area else R.ALL_PAUSED, self.reason, by=self.by)
 
@@ -106,7 +105,7 @@ class _Attempt:
     """Why the robot did not execute it."""
 
 
-class Closed:
+class ClosedGate:
     """A gate that allocates and releases nothing."""
 
     def may_allocate(self, index: int) -> bool:
@@ -117,7 +116,7 @@ class Closed:
     may_release = may_allocate
 
 
-CLOSED: Final = Closed()
+CLOSED: Final = ClosedGate()
 
 
 class Stops:
@@ -141,18 +140,18 @@ class Stops:
 
     def load(self, stops: Mapping[str, str], robots: Mapping[str, str]) -> None:
         """Read the documents of the store; unreadable ones are logged and left out."""
-        for stop in sorted(_read(FleetStop, stops), key=lambda each: each.number):
-            self._add(stop)
-        self._lock(*self._stops.values())
+        for stop in sorted(_read_documents(FleetStop, stops), key=lambda stop: stop.number):
+            self._add_stop(stop)
+        self._lock_areas(*self._stops.values())
         self._visible = dict(self._stops)
-        self._robots = {each.key: each for each in _read(StoppedRobot, robots)}
+        self._robots = {robot.key: robot for robot in _read_documents(StoppedRobot, robots)}
 
     # Stops
 
     @property
     def all_robots(self) -> FleetStop | None:
         """The oldest stop of all robots; None if there is none."""
-        return next((each for each in self._stops.values() if each.area is None), None)
+        return next((stop for stop in self._stops.values() if stop.area is None), None)
 
     def get(self, name: str) -> FleetStop:
         """Return an active stop; raises UnknownStopError."""
@@ -164,7 +163,7 @@ class Stops:
         """Begin a stop; raises TooManyStopsError."""
         if len(self._stops) >= STOPS_LIMIT:
             raise TooManyStopsError(STOPS_LIMIT)
-        number = max((each.number for each in self._stops.values()), default=0) + 1
+        number = max((stop.number for stop in self._stops.values()), default=0) + 1
         stop = FleetStop(
             number=number,
             name=f"stop-{unique_id()[:8]}",
@@ -173,10 +172,10 @@ class Stops:
             since=self._clock.now(),
             area=request.area,
         )
-        self._add(stop)
-        self._lock(stop)
+        self._add_stop(stop)
+        self._lock_areas(stop)
         self._state.pending.stored.documents[STOP, stop.name] = stop.model_dump_json(exclude_none=True)
-        self._state.after_commit(partial(self._show, dict(self._stops)))
+        self._state.after_commit(partial(self._show_committed, dict(self._stops)))
         log.warning("robots stopped", stop=stop.name, by=by, reason=stop.reason, area=bool(stop.area))
         return stop
 
@@ -184,29 +183,29 @@ class Stops:
         """End a stop; raises UnknownStopError."""
         stop = self.get(name)
         del self._stops[name], self._resources[name]
-        self._lock(stop)
+        self._lock_areas(stop)
         self._state.pending.stored.documents[STOP, name] = None
-        self._state.after_commit(partial(self._show, dict(self._stops)))
+        self._state.after_commit(partial(self._show_committed, dict(self._stops)))
         log.warning("stop ended", stop=name, by=by, reason=reason, begun_by=stop.by)
         return stop
 
-    def _show(self, committed: dict[str, FleetStop]) -> None:
+    def _show_committed(self, committed: dict[str, FleetStop]) -> None:
         self._visible = committed
         for listener in self.listeners:
             listener()
 
-    def _add(self, stop: FleetStop) -> None:
+    def _add_stop(self, stop: FleetStop) -> None:
         self._stops[stop.name] = stop
         self._resources[stop.name] = (
             resources_in(self._context.plant, stop.area) if stop.area else frozenset()
         )
 
-    def _lock(self, *changed: FleetStop) -> None:
+    def _lock_areas(self, *changed: FleetStop) -> None:
         """Lock the paths of all areas, if any of the ``changed`` stops has one."""
-        if any(each.area for each in changed):
+        if any(stop.area for stop in changed):
             paths = self._context.plant.paths_by_name
             areas = self._resources.items()
-            locked = {each: name for name, found in areas for each in found if each in paths}
+            locked = {path: name for name, resources in areas for path in resources if path in paths}
             self._context.locked_paths.lock(by_stops=locked)
 
     # Vehicles
@@ -215,7 +214,7 @@ class Stops:
         """Return the oldest stop that pauses a vehicle; None if there is none."""
         if not self._stops:
             return None
-        covering = self._covering(vehicle, self._context.view(vehicle))
+        covering = self._stops_covering(vehicle, self._context.view(vehicle))
         return self._stops[covering[0]] if covering else None
 
     def vehicle_stop(self, vehicle: FleetVehicle) -> VehicleStop | None:
@@ -225,114 +224,111 @@ class Stops:
             return None
         return VehicleStop(name=stop.name, by=stop.by, reason=stop.reason, area=stop.area is not None)
 
-    def why(self, vehicle: FleetVehicle) -> Reason | None:
+    def why_stopped(self, vehicle: FleetVehicle) -> Reason | None:
         """Return why a vehicle does not drive for its order because of a stop; None if it may."""
         if not self._stops:
             return None
         if stop := self.stop_of(vehicle):
-            return stop.text
-        if stop := self.bar(vehicle, self._state.order_of(vehicle.key)):
-            return Reason(R.CROSSES_PAUSED_AREA, stop.reason, by=stop.by)
-        return None
-
-    def bar(self, vehicle: FleetVehicle, order: TransportOrder | None) -> FleetStop | None:
-        """Return the stop whose area a vehicle would touch on its straight drive to a coordinate, if any."""
-        areas = [(each, each.area) for each in self._stops.values() if each.area]
-        if not areas or order is None:
+            return stop.as_reason
+        order = self._state.order_of(vehicle.key)
+        if order is None or (goal := order.current.destination.coordinate) is None:
             return None
-        goal, view = order.current.destination.coordinate, self._context.view(vehicle)
-        for stop, area in areas if goal else ():
-            here = _place_on(area.map_id, vehicle, view)
-            if here and goal and area.crosses(here, (goal.x, goal.y)):
-                return stop
+        # The locked paths of an area keep routes out of it, but a drive to a coordinate has no paths: it goes
+        # straight there, and would touch the area.
+        view = self._context.view(vehicle)
+        for stop in self._stops.values():
+            position = _position_on(stop.area.map_id, vehicle, view) if stop.area else None
+            if stop.area and position and stop.area.crosses(position, (goal.x, goal.y)):
+                return Reason(R.CROSSES_PAUSED_AREA, stop.reason, by=stop.by)
         return None
 
     def person_pauses(self, vehicle: FleetVehicle) -> None:
         """Note that a host pauses a vehicle: it stays paused when the stops end."""
         self._person_paused[vehicle.key] = self._clock.monotonic()
-        known = self._robots.get(vehicle.key)
-        if known is None:
+        record = self._robots.get(vehicle.key)
+        if record is None:
             return
-        if known.stops:
-            self._put(known.model_copy(update={"resume": False}), vehicle)
+        if record.stops:
+            self._put_robot(record.model_copy(update={"resume": False}), vehicle)
         else:
-            self._forget(vehicle)
+            self._forget_robot(vehicle)
 
     def person_resumes(self, vehicle: FleetVehicle) -> None:
         """Note that a host resumes a vehicle that no stop pauses."""
         self._person_paused.pop(vehicle.key, None)
 
-    def look_at(self, vehicle: FleetVehicle) -> None:
+    def pause_or_resume(self, vehicle: FleetVehicle) -> None:
         """Pause or resume a robot as its stops require; call it at each of its states, and periodically."""
-        known = self._robots.get(vehicle.key)
-        if not self._stops and known is None:
+        record = self._robots.get(vehicle.key)
+        if not self._stops and record is None:
             return
         view = self._context.view(vehicle)
-        if covering := self._covering(vehicle, view):
-            self._hold(vehicle, view, covering)
-        elif known:
-            self._let_go(vehicle, view, known)
+        if stops := self._stops_covering(vehicle, view):
+            self._pause_robot(vehicle, view, stops)
+        elif record:
+            self._resume_robot(vehicle, view, record)
 
-    def ended(self, event: InstantActionEnded) -> None:
+    def on_action_ended(self, event: InstantActionEnded) -> None:
         """Handle the end of a startPause or stopPause."""
         attempt = self._attempts.get(event.robot)
         if attempt is None or attempt.action_id != event.action.action_id:
             return
         attempt.running, attempt.again_at = False, self._clock.monotonic() + RETRY_AFTER
-        before, attempt.note = attempt.note, ""
+        last_note, attempt.note = attempt.note, ""
         if event.status is not ActionStatus.FINISHED:
             attempt.note = ": ".join(map(str, filter(None, (event.reason, event.result))))
-        if attempt.note and attempt.note != before:
+        if attempt.note and attempt.note != last_note:  # repeated every few seconds: logged once
             action = attempt.action_type
             log.warning("stop not executed", robot=str(event.robot), action=action, reason=attempt.note)
-        self.look_at(self._context.registry.discover(event.robot))
+        self.pause_or_resume(self._context.registry.discover(event.robot))
 
     def link_changed(self) -> None:
         """Retry at once, because our own link to the broker has changed."""
-        self._attempts = {robot: each for robot, each in self._attempts.items() if each.running}
+        self._attempts = {robot: attempt for robot, attempt in self._attempts.items() if attempt.running}
 
     # Status
 
     def statuses(self) -> tuple[StopStatus, ...]:
         """Return the state of all stops that are in the store, the oldest first."""
-        return self._statuses(self._visible)
+        return self._statuses_of(self._visible)
 
-    def status(self, stop: FleetStop) -> StopStatus:
+    def status_of(self, stop: FleetStop) -> StopStatus:
         """Return the state of a stop."""
-        return self._statuses({stop.name: stop})[0]
+        return self._statuses_of({stop.name: stop})[0]
 
-    def _statuses(self, stops: Mapping[str, FleetStop]) -> tuple[StopStatus, ...]:
+    def _statuses_of(self, stops: Mapping[str, FleetStop]) -> tuple[StopStatus, ...]:
         paused: Counter[str] = Counter()
-        others: dict[str, list[UnpausedVehicle]] = {name: [] for name in stops}
+        unpaused: dict[str, list[UnpausedVehicle]] = {name: [] for name in stops}
+        # A robot that was there would have answered by now: only its vehicle is in the plant model.
+        all_have_answered = self._context.fleet.connected_for() >= self._context.settings.restart_patience
         for vehicle in self._context.registry if stops else ():
             view = self._context.view(vehicle)
-            if view.link is LinkStatus.UNKNOWN and self._never_connected(vehicle):
+            if (
+                view.link is LinkStatus.UNKNOWN
+                and vehicle.key not in self._state.vehicles
+                and all_have_answered
+            ):
                 continue
-            covering = stops.keys() & self._covering(vehicle, view)
+            covering = stops.keys() & self._stops_covering(vehicle, view)
             reason = self._why_not_paused(vehicle, view) if covering else None
             for name in covering:
                 if reason:
-                    others[name].append(UnpausedVehicle(vehicle=vehicle.name, **explained(reason)))
+                    unpaused[name].append(UnpausedVehicle(vehicle=vehicle.name, **explained(reason)))
                 else:
                     paused[name] += 1
         return tuple(
             StopStatus(
-                name=each.name,
-                by=each.by,
-                reason=each.reason,
-                since=each.since,
-                area=each.area,
-                vehicles=paused[each.name] + len(others[each.name]),
-                paused=paused[each.name],
-                not_paused=tuple(others[each.name]),
+                name=stop.name,
+                by=stop.by,
+                reason=stop.reason,
+                since=stop.since,
+                area=stop.area,
+                vehicles=paused[stop.name] + len(unpaused[stop.name]),
+                paused=paused[stop.name],
+                not_paused=tuple(unpaused[stop.name]),
             )
-            for each in stops.values()
+            for stop in stops.values()
         )
-
-    def _never_connected(self, vehicle: FleetVehicle) -> bool:
-        """Return whether a robot that is not heard was never there: it would have answered by now."""
-        patience = self._context.settings.restart_patience
-        return vehicle.key not in self._state.vehicles and self._context.fleet.connected_for() >= patience
 
     def _why_not_paused(self, vehicle: FleetVehicle, view: RobotView) -> Reason | None:
         """Return, as a predicate, why a robot does not report that it is paused; None if it does."""
@@ -345,49 +341,50 @@ class Stops:
         failed = attempt.note if attempt and attempt.action_type == START_PAUSE else None
         return Reason(R.PAUSE_FAILED, failed) if failed else UNCONFIRMED
 
-    # How it works
+    # Pausing and resuming
 
-    def _covering(self, vehicle: FleetVehicle, view: RobotView) -> tuple[str, ...]:
+    def _stops_covering(self, vehicle: FleetVehicle, view: RobotView) -> tuple[str, ...]:
         """Return the stops that pause a vehicle, the oldest first; each pauses it until its end."""
-        known = self._robots.get(vehicle.key)
-        earlier = known.stops if known else ()
+        record = self._robots.get(vehicle.key)
+        earlier = record.stops if record else ()
         return tuple(
             name
             for name, stop in self._stops.items()
-            if stop.area is None or name in earlier or self._is_in(stop.area, name, vehicle, view)
+            if stop.area is None or name in earlier or self._is_in_area(stop.area, name, vehicle, view)
         )
 
-    def _is_in(self, area: Area, name: str, vehicle: FleetVehicle, view: RobotView) -> bool:
+    def _is_in_area(self, area: Area, name: str, vehicle: FleetVehicle, view: RobotView) -> bool:
         """Return whether a vehicle is in an area or could drive in.
 
         It could if it holds a point or path of the area, or drives straight through it to a coordinate.
         """
         resources = self._resources[name]
-        if any(not resources.isdisjoint(each.uses) for each in self._context.traffic.held(vehicle.name)):
+        if any(not resources.isdisjoint(held.uses) for held in self._context.traffic.held(vehicle.name)):
             return True
-        here = _place_on(area.map_id, vehicle, view)
-        if here is None:
+        position = _position_on(area.map_id, vehicle, view)
+        if position is None:
             return False
         order = self._state.order_of(vehicle.key) if self._state.drives.sent.get(vehicle.key) else None
         goal = order.current.destination.coordinate if order else None
-        return area.crosses(here, (goal.x, goal.y) if goal else here)
+        return area.crosses(position, (goal.x, goal.y) if goal else position)
 
-    def _hold(self, vehicle: FleetVehicle, view: RobotView, stops: tuple[str, ...]) -> None:
-        """Pause a robot. What it reports now decides whether it continues at the end.
-
-        One that has not reported is paused as well, whatever it does; its first state decides. If nothing at
-        all is heard of it, it is sent the pause until its delivery fails, but not again: perhaps it does not
-        exist.
-        """
+    def _pause_robot(self, vehicle: FleetVehicle, view: RobotView, stops: tuple[str, ...]) -> None:
+        """Pause a robot. What it reports now decides whether it continues at the end."""
         if view.link in NOT_REACHED:
             return
         if view.state is None or view.stale:
+            # Paused as well, whatever it does; its first state decides. If nothing at all is heard of it, it
+            # is sent the pause until its delivery fails, but not again: perhaps it does not exist.
             if view.link is not LinkStatus.UNKNOWN or vehicle.key not in self._attempts:
-                self._send(vehicle, START_PAUSE)
+                self._send_action(vehicle, START_PAUSE)
             return
-        known, paused = self._robots.get(vehicle.key), view.state.paused
-        resume = (known is not None and known.resume) if paused else not self._person_is_pausing(vehicle)
-        self._put(
+        record, paused = self._robots.get(vehicle.key), view.state.paused
+        if paused:  # by stops only if it was driving when they began
+            resume = record is not None and record.resume
+        else:  # it may not yet report the pause that a host has just requested
+            requested = self._person_paused.get(vehicle.key)
+            resume = requested is None or self._clock.monotonic() - requested >= PERSON_PAUSES_FOR
+        self._put_robot(
             StoppedRobot(
                 manufacturer=vehicle.key.manufacturer,
                 serial_number=vehicle.key.serial_number,
@@ -397,31 +394,27 @@ class Stops:
             vehicle,
         )
         if not paused:
-            self._send(vehicle, START_PAUSE)
+            self._send_action(vehicle, START_PAUSE)
         elif (attempt := self._attempts.get(vehicle.key)) and not attempt.running:
             del self._attempts[vehicle.key]  # if the robot is resumed meanwhile, it is paused again at once
 
-    def _let_go(self, vehicle: FleetVehicle, view: RobotView, known: StoppedRobot) -> None:
+    def _resume_robot(self, vehicle: FleetVehicle, view: RobotView, record: StoppedRobot) -> None:
         """Resume a robot that only stops have paused; it is done once the robot has confirmed it."""
-        if not known.resume:
-            self._forget(vehicle)
+        if not record.resume:
+            self._forget_robot(vehicle)
             return
-        self._put(known.model_copy(update={"stops": ()}), vehicle)
+        self._put_robot(record.model_copy(update={"stops": ()}), vehicle)
         if view.link is not LinkStatus.ONLINE or view.state is None or view.stale:
             return
         attempt = self._attempts.get(vehicle.key)
         if attempt and attempt.running:
             return  # its startPause must not arrive after the stopPause
         if attempt and attempt.action_type == STOP_PAUSE and not view.state.paused:
-            self._forget(vehicle)
+            self._forget_robot(vehicle)
         else:
-            self._send(vehicle, STOP_PAUSE)
+            self._send_action(vehicle, STOP_PAUSE)
 
-    def _person_is_pausing(self, vehicle: FleetVehicle) -> bool:
-        asked = self._person_paused.get(vehicle.key)
-        return asked is not None and self._clock.monotonic() - asked < PERSON_PAUSES_FOR
-
-    def _send(self, vehicle: FleetVehicle, action_type: str) -> None:
+    def _send_action(self, vehicle: FleetVehicle, action_type: str) -> None:
         """Send an instant action after the commit, unless the same one is running or has just failed."""
         attempt = self._attempts.get(vehicle.key)
         earlier = attempt if attempt and attempt.action_type == action_type else None
@@ -432,36 +425,36 @@ class Stops:
         self._attempts[vehicle.key] = _Attempt(action_type, action.action_id, note=note)
         self._state.after_commit(partial(self._context.fleet.instant_action, vehicle.key, action))
 
-    def _put(self, record: StoppedRobot, vehicle: FleetVehicle) -> None:
+    def _put_robot(self, record: StoppedRobot, vehicle: FleetVehicle) -> None:
         if self._robots.get(record.key) == record:
             return
         self._robots[record.key] = record
         self._state.pending.stored.documents[STOPPED_ROBOT, str(record.key)] = record.model_dump_json()
         self._state.vehicle_changed(vehicle.name)
 
-    def _forget(self, vehicle: FleetVehicle) -> None:
+    def _forget_robot(self, vehicle: FleetVehicle) -> None:
         del self._robots[vehicle.key]
         self._attempts.pop(vehicle.key, None)
         self._state.pending.stored.documents[STOPPED_ROBOT, str(vehicle.key)] = None
         self._state.vehicle_changed(vehicle.name)
 
 
-def _place_on(map_id: str | None, vehicle: FleetVehicle, view: RobotView) -> tuple[float, float] | None:
+def _position_on(map_id: str | None, vehicle: FleetVehicle, view: RobotView) -> tuple[float, float] | None:
     """Return the position of a robot, m in the plant frame, if it is known and on this map (None: any)."""
-    at = view.state.mobile_robot_position if view.state else None
-    if at is None or not at.localized or not vehicle.profile.knows_frame(at.map_id):
+    reported = view.state.mobile_robot_position if view.state else None
+    if reported is None or not reported.localized or not vehicle.profile.knows_frame(reported.map_id):
         return None
-    if map_id not in (None, at.map_id):
+    if map_id not in (None, reported.map_id):
         return None
-    here = vehicle.profile.on(at.map_id).to_plant(MapPlace(at.x, at.y))
-    return here.x_m, here.y_m
+    position = vehicle.profile.on(reported.map_id).to_plant(MapPlace(reported.x, reported.y))
+    return position.x_m, position.y_m
 
 
-def _read(kind: type[D], documents: Mapping[str, str]) -> list[D]:
-    found = []
+def _read_documents(kind: type[D], documents: Mapping[str, str]) -> list[D]:
+    records = []
     for name, document in documents.items():
         try:
-            found.append(kind.model_validate_json(document))
+            records.append(kind.model_validate_json(document))
         except ValidationError as error:
             log.warning("stored stop is unreadable", document=name, problems=problems_of(error))
-    return found
+    return records

@@ -81,7 +81,7 @@ def _add_devices(app: FastAPI, peripherals: PeripheralOperations, engine: Engine
     def has_device(name: str) -> bool:
         if name not in engine.plant.locations_by_name:
             raise HTTPException(NOT_FOUND, f"Could not find location {name!r}.")
-        return engine.peripherals.operations(name) is not None
+        return name in engine.peripherals.operations
 
     @app.post("/v1/peripherals/{name:path}/withdrawal", response_class=Response)
     async def withdraw(name: str) -> None:
