@@ -67,7 +67,7 @@ async def robot_takes_its_order(fleet: Fleet, wire: MqttPeer) -> None:
     vda_order = VdaOrder.model_validate_json(json.dumps(noted["vda_order"]))
     topic = f"{fleet.interface}/v2/NeNa/robot-01"
     await wire.wait_for(f"{topic}/state")
-    _, message = Outgoing(SystemClock()).message(
+    _, message = Outgoing(SystemClock()).make_message(
         PublishOrder(RobotKey("NeNa", "robot-01"), vda_order), "2.1.0"
     )
     wire.publish(f"{topic}/order", CODEC.encode(message))

@@ -47,7 +47,7 @@ async def test_an_order_waits_until_its_type_is_accepted_also_after_a_restart() 
     assert status_of(engine, "T").state is TransportOrderState.BEING_PROCESSED
 
     again, vehicle = await make(store)
-    assert again.status(vehicle).acceptable_order_types == (ANY,)
+    assert again.reporter.vehicle_status(vehicle).acceptable_order_types == (ANY,)
 
 
 async def test_an_intended_vehicle_that_does_not_accept_the_type_is_named() -> None:

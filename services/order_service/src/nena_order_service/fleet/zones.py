@@ -71,10 +71,8 @@ class ReleaseManager:
         # 6.9: a corridor of the horizon is not answered before its edge is released.
         horizon = {edge.sequence_id for edge in state.edge_states if not edge.released}
         corridors = (edge for edge in state.edge_requests or () if edge.sequence_id not in horizon)
-        requests: dict[tuple[Place, str], Request] = {
-            (_place_of(request), request.request_id): request
-            for request in (*(state.zone_requests or ()), *corridors)
-        }
+        answerable: list[Request] = [*(state.zone_requests or ()), *corridors]
+        requests = {(_place_of(request), request.request_id): request for request in answerable}
         for place, claims in list(self._claims.items()):
             claims[:] = [
                 claim for claim in claims if claim.robot != robot or (place, claim.request_id) in requests

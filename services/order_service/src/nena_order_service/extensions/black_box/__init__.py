@@ -62,7 +62,8 @@ class DecisionBox(Extension):
         if previous:
             self.box = previous.box
         if self.box:
-            self.recorder = DecisionRecorder(self.box, self.core.clock, self.core.fleet.state)
+            view = self.core.fleet.view
+            self.recorder = DecisionRecorder(self.box, self.core.clock, lambda robot: view(robot).state)
             if uploader := self.box.outgoing.uploader:
                 uploader.attach(self.core.mqtt)
 
