@@ -347,7 +347,7 @@ class EngineSimulation:
         for other in self.robots.values():
             if other is not robot and (shared := on & other.resources()):
                 self._collided(f"{name} and {other.key.serial_number} are at {sorted(shared)}")
-        held = {resource for each in self.engine.traffic.held(name) for resource in each.uses}
+        held = {resource for each in self.engine.traffic.held_by(name) for resource in each.uses}
         if not on <= held:
             self._collided(f"{name} is on {sorted(on - held)}, which it does not hold")
 
@@ -388,7 +388,7 @@ class EngineSimulation:
         for vehicle in self.engine.registry:
             status, held = (
                 self.engine.reporter.vehicle_status(vehicle),
-                self.engine.traffic.held(vehicle.name),
+                self.engine.traffic.held_by(vehicle.name),
             )
             lines.append(
                 f"{vehicle.name} {status.connection} on {self.robots[vehicle.key].body}, "

@@ -42,14 +42,14 @@ class Scene:
     def allocate(self, vehicle: str) -> str:
         """Allocate the next set; return the refusal as text."""
         if route := self.manager.route_of(vehicle):
-            self.manager.allocate(vehicle, self.manager.ahead(vehicle) + 1)
+            self.manager.allocate(vehicle, self.scheduler.occupant(vehicle).ahead + 1)
             return str(route.refusal or "")
         return str(self.scheduler.allocate(vehicle) or "")
 
     def drive(self, vehicle: str) -> None:
         """Arrive at the next point that the vehicle holds."""
         if route := self.manager.route_of(vehicle):
-            self.manager.arrived(vehicle, route.reached + 1)
+            self.manager.note_arrival(vehicle, route.reached + 1)
             return
         self.scheduler.arrive(vehicle, self.scheduler.occupant(vehicle).reached + 1)
 
@@ -59,7 +59,7 @@ class Scene:
             assert self.allocate(vehicle) == ""
             self.drive(vehicle)
         if self.manager.route_of(vehicle):
-            self.manager.finished(vehicle)
+            self.manager.finish_route(vehicle)
 
     def decide(self, *busy: str) -> Iterator[str]:
         """Run traffic control's decisions; yield each grant and relocation as text."""

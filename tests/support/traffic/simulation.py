@@ -76,7 +76,7 @@ class Simulation:
             for each, start in zip(plant.vehicles, starts, strict=True)
         }
         for each in self.vehicles.values():
-            self.traffic.restore(each.name, [self.traffic.resources.at(each.body[0])], length_mm)
+            self.traffic.restore_position(each.name, [self.traffic.resources.at(each.body[0])], length_mm)
 
     def run(self) -> None:
         """Run until every order is finished; raises CollisionError or StandstillError."""
@@ -100,7 +100,7 @@ class Simulation:
     def _report(self) -> str:
         lines = [f"{self.finished} orders finished at {self.now:.0f} s"]
         for each in self.vehicles.values():
-            why = self.traffic.why_waiting(each.name)
+            why = self.traffic.refusal_of(each.name)
             lines.append(f"{each.name} at {self._at(each)} target {list(each.target)} {why}")
         return "\n".join(lines)
 
@@ -130,7 +130,7 @@ class Simulation:
 
     def _next_target(self, vehicle: SimulatedVehicle) -> None:
         if self._at(vehicle) == vehicle.target[0]:
-            self.traffic.drop(vehicle.name)
+            self.traffic.drop_request(vehicle.name)
             vehicle.busy = True
             self._after(self.work_seconds(), vehicle, "worked")
         else:
@@ -154,7 +154,7 @@ class Simulation:
             decided = list(self.traffic.decide(self._movable))
             self.evasions += sum(isinstance(each, Relocation) for each in decided)
             ending = {each.vehicle for each in decided if isinstance(each, EarlyEnd)}
-            for name in ending.union(self.traffic.stuck(self._movable, no_vehicle)):
+            for name in ending.union(self.traffic.stuck_vehicles(self._movable, no_vehicle)):
                 self._end_way_here(name)
             if not ending:
                 return
@@ -164,11 +164,11 @@ class Simulation:
 
     def _end_way_here(self, name: str) -> None:
         """End a vehicle's route at its base, so that it requests another one."""
-        self.traffic.shorten(name)
+        self.traffic.shorten_route(name)
         self._came_to_end(self.vehicles[name])
 
     def _resume_driving(self) -> None:
-        for name, _ in self.traffic.extending():
+        for name, _ in self.traffic.routes_to_extend():
             self.traffic.allocate(name, 2)
         for each in self.vehicles.values():
             occupant = self.scheduler.occupant(each.name)
@@ -185,13 +185,13 @@ class Simulation:
         assert journey
         vehicle.driving = False
         self._cover(vehicle, occupant.held[occupant.reached + 1].point, 0.0)
-        self.traffic.arrived(vehicle.name, journey.reached + 1)
+        self.traffic.note_arrival(vehicle.name, journey.reached + 1)
         self._came_to_end(vehicle)
 
     def _came_to_end(self, vehicle: SimulatedVehicle) -> None:
         journey = self.traffic.route_of(vehicle.name)
         if journey and journey.reached == len(journey.way):
-            self.traffic.finished(vehicle.name)
+            self.traffic.finish_route(vehicle.name)
             if vehicle.target:
                 self._next_target(vehicle)
 

@@ -273,7 +273,7 @@ async def test_a_cancelled_robot_keeps_what_it_held_until_it_is_seen_standing() 
     engine.withdraw(order.number, "not wanted")
     fleet.confirm_cancel("V1")
 
-    assert {each.point for each in engine.traffic.held("V1")} >= {"A", "B", "C"}
+    assert {each.point for each in engine.traffic.held_by("V1")} >= {"A", "B", "C"}
     assert (
         "not been seen standing" in engine.reporter.vehicle_status(engine.registry.discover(key("V1"))).reason
     )
@@ -281,7 +281,7 @@ async def test_a_cancelled_robot_keeps_what_it_held_until_it_is_seen_standing() 
 
     fleet.fields.clear()
     fleet.appear("V1", "A")
-    assert [each.point for each in engine.traffic.held("V1")] == ["A"]
+    assert [each.point for each in engine.traffic.held_by("V1")] == ["A"]
     assert fleet.finish("V2")
 
 

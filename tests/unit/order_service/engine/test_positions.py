@@ -32,7 +32,7 @@ make = partial(engine_with, PLANT)
 
 
 def held(engine: Engine, name: str) -> set[str]:
-    return {resource for each in engine.traffic.held(name) for resource in each.uses}
+    return {resource for each in engine.traffic.held_by(name) for resource in each.uses}
 
 
 def pose(x: float, y: float = 0.0, *, localized: bool = True, map_id: str = "map") -> dict[str, Any]:

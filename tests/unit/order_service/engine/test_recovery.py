@@ -34,7 +34,7 @@ def with_vehicles(**robots: str) -> PlantModel:
 
 
 def held(engine: Engine, name: str) -> list[str]:
-    return [each.point for each in engine.traffic.held(name)]
+    return [each.point for each in engine.traffic.held_by(name)]
 
 
 def of_an_older_release(store: MemoryStore) -> None:
@@ -138,12 +138,12 @@ async def test_breaking_off_keeps_possible_positions_until_seen_standing() -> No
     fleet.appear("V2", "E")
     fleet.fail("V1", "it has lost its way")
     assert engine.traffic.broke_off("V1")
-    beside = engine.traffic.beside("V1")
+    beside = engine.traffic.sets_beside("V1")
 
     fleet = ScriptedFleet({"V1": "A", "V2": "E"}, mute={"V1", "V2"})
     again = await make_engine(PLANT, store, fleet)
 
-    assert (held(again, "V1"), again.traffic.beside("V1")) == (held(engine, "V1"), beside)
+    assert (held(again, "V1"), again.traffic.sets_beside("V1")) == (held(engine, "V1"), beside)
     assert again.traffic.broke_off("V1")
     fleet.mute.clear()
     fleet.fields["V1"] = {
@@ -155,9 +155,9 @@ async def test_breaking_off_keeps_possible_positions_until_seen_standing() -> No
 
     del fleet.fields["V1"]
     fleet.appear("V1", "B")
-    assert again.traffic.beside("V1") is None
+    assert again.traffic.sets_beside("V1") is None
     last = await make_engine(PLANT, store, ScriptedFleet({}))
-    assert last.traffic.beside("V1") is None
+    assert last.traffic.sets_beside("V1") is None
 
 
 async def test_a_path_lock_before_all_robots_report_grants_nothing() -> None:

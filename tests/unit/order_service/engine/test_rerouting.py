@@ -98,7 +98,7 @@ def reroute(engine: Engine, kind: ReroutingType = REGULAR) -> tuple[ReroutingOut
 
 
 def held(engine: Engine, name: str = "V1") -> str:
-    return "".join(each.point for each in engine.traffic.held(name))
+    return "".join(each.point for each in engine.traffic.held_by(name))
 
 
 async def test_vehicle_avoids_a_path_locked_ahead_of_it() -> None:

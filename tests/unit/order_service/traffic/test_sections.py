@@ -38,7 +38,7 @@ class Bench(Scene):
         self.router = Router(model)
         self.manager = TrafficManager(model, routes_over(self.router))
         for vehicle, at in places.items():
-            self.manager.seen(vehicle, Found(at, on_point=True), BOX)
+            self.manager.update_position(vehicle, Found(at, on_point=True), BOX)
 
     def want(self, vehicle: str, goal: str) -> None:
         self.manager.request_route(RouteRequest(vehicle, goal))
@@ -49,12 +49,12 @@ class Bench(Scene):
         decided = [
             each for each in at_rest if isinstance(each, RouteGrant | Relocation | EarlyEnd | MoreClaimed)
         ]
-        for vehicle, _ in self.manager.extending():
+        for vehicle, _ in self.manager.routes_to_extend():
             self.manager.allocate(vehicle)
         return decided
 
     def arrive(self, vehicle: str, reached: int) -> None:
-        self.manager.arrived(vehicle, reached)
+        self.manager.note_arrival(vehicle, reached)
 
     def claims(self, vehicle: str) -> str:
         """Name the points that a vehicle holds ahead of it or claims."""
@@ -123,7 +123,7 @@ def test_no_vehicle_drives_up_to_a_lost_vehicle() -> None:
     bench.want("v", "F")
 
     assert list(bench.manager.decide(lambda name: name == "v", lambda name: name == "w")) == []
-    assert str(bench.manager.why_waiting("v")).startswith("waits for w, which stands on")
+    assert str(bench.manager.refusal_of("v")).startswith("waits for w, which stands on")
 
 
 def test_vehicle_under_way_that_encloses_blockers_is_displaced() -> None:
@@ -151,7 +151,7 @@ def test_vehicle_that_let_another_out_does_not_enclose_it_again() -> None:
     )
     bench.want("v", "D")
     assert [(type(each), each.vehicle) for each in bench.decided()] == [(Relocation, "v")]
-    bench.manager.finished("v")
+    bench.manager.finish_route("v")
 
     assert [(type(each), each.vehicle) for each in bench.decided()] == [(Relocation, "z")]
 
@@ -162,9 +162,9 @@ def test_vehicle_that_let_another_out_claims_sections_once_that_is_over(ended: s
     bench = Bench(model, v="C", x="D", z="K")
     bench.want("v", "D")
     bench.decided()
-    bench.manager.finished("v")
+    bench.manager.finish_route("v")
     if ended == "request dropped":
-        bench.manager.drop("v")
+        bench.manager.drop_request("v")
     elif ended == "other goal":
         bench.want("v", "K")
 
@@ -181,8 +181,8 @@ def test_vehicle_that_only_pauses_is_not_displaced_for_one_it_encloses() -> None
     bench.want("e", "D")
 
     assert list(bench.manager.decide(lambda name: name in {"e", "x"})) == []
-    assert str(bench.manager.why_waiting("v")) == "waits for w, which stands on 'E'"
-    assert str(bench.manager.why_waiting("e")) == "waits for x, which stands on 'D'"
+    assert str(bench.manager.refusal_of("v")) == "waits for w, which stands on 'E'"
+    assert str(bench.manager.refusal_of("e")) == "waits for x, which stands on 'D'"
 
 
 @pytest.mark.parametrize("closed", ["A --- B", "B --- C"])
@@ -219,13 +219,13 @@ def test_reason_keeps_its_initial_distance() -> None:
     bench.want("v", "G")
     bench.want("w", "Z")
     bench.decided()
-    reason = bench.manager.why_waiting("w")
+    reason = str(bench.manager.refusal_of("w"))
     assert "it would have to turn back" in str(reason)
 
     for reached in (1, 2, 3):
         bench.arrive("v", reached)
         bench.decided()
-        assert bench.manager.why_waiting("w") == reason
+        assert str(bench.manager.refusal_of("w")) == reason
 
 
 @pytest.mark.parametrize(("others", "way"), [(0, "BC"), (2, "XYC")])
@@ -265,7 +265,7 @@ def test_vehicle_beyond_its_section_holds_where_it_is() -> None:
 
     bench.arrive("v", len("BCDEFGH"))
 
-    assert [each.point for each in bench.manager.held("v")] == ["H"]
+    assert [each.point for each in bench.manager.held_by("v")] == ["H"]
     bench.decided()
     assert bench.claims("v") == "IJ"
 
@@ -275,18 +275,18 @@ def test_vehicle_beyond_its_section_can_finish() -> None:
     bench.want("v", "J")
     bench.decided()
 
-    bench.manager.finished("v")
+    bench.manager.finish_route("v")
 
-    assert [each.point for each in bench.manager.held("v")] == ["J"]
+    assert [each.point for each in bench.manager.held_by("v")] == ["J"]
 
 
 def test_turn_ends_at_the_goal() -> None:
     bench = Bench(plant(*lane("A B C"), *lane("C A"), *lane("D E F")), v="A", u="D")
     bench.want("v", "B")
     bench.decided()
-    bench.manager.finished("v")
+    bench.manager.finish_route("v")
     bench.want("u", "F")
 
     bench.want("v", "B")
 
-    assert bench.manager.requesting == ("u", "v")
+    assert sorted("vu", key=bench.manager._turn_of) == ["u", "v"]

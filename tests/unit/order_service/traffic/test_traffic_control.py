@@ -50,10 +50,10 @@ def test_a_resting_blocker_prefers_parking_positions_over_nearer_points() -> Non
     scene.manager.request_route(RouteRequest("v", "C"))
 
     assert list(scene.decide()) == ["Relocation w B Y P"]
-    assert str(scene.manager.why_waiting("v")) == "waits for w, which stands on 'B'"
+    assert str(scene.manager.refusal_of("v")) == "waits for w, which stands on 'B'"
     scene.drive_to_end("w")
     assert list(scene.decide()) == ["RouteGrant v A B C"]
-    assert scene.manager.refusal("v") is None
+    assert scene.manager.refusal_of("v") is None
 
 
 def test_a_vehicle_operating_in_the_way_is_waited_for() -> None:
@@ -61,7 +61,7 @@ def test_a_vehicle_operating_in_the_way_is_waited_for() -> None:
     scene.manager.request_route(RouteRequest("v", "C"))
 
     assert list(scene.decide("w")) == []
-    assert str(scene.manager.why_waiting("v")) == "waits for w, which stands on 'B'"
+    assert str(scene.manager.refusal_of("v")) == "waits for w, which stands on 'B'"
 
 
 def test_a_vehicle_that_comes_to_rest_on_the_way_of_a_waiting_one_is_relocated() -> None:
@@ -89,10 +89,10 @@ def test_only_a_short_detour_around_a_resting_vehicle_is_taken() -> None:
 
 def test_displacements_are_known_without_a_request() -> None:
     scene = Scene(plant(path("A B", 1000), path("B C", 1000), path("C D", 1000)), v="A", w="B")
-    assert scene.manager.displaces("v", "C")
-    assert scene.manager.displaces("v", "B")
-    assert not scene.manager.displaces("w", "D")
-    assert not scene.manager.displaces("w", "A"), "no route leads there"
+    assert scene.manager.would_displace("v", "C")
+    assert scene.manager.would_displace("v", "B")
+    assert not scene.manager.would_displace("w", "D")
+    assert not scene.manager.would_displace("w", "A"), "no route leads there"
     assert list(scene.decide()) == []
 
 
@@ -100,7 +100,7 @@ def test_a_short_detour_avoids_making_room() -> None:
     for length, displaces in ((1400, False), (2000, True)):
         around = path("A X", length), path("X C", length)
         scene = Scene(plant(path("A B", 1000), path("B C", 1000), *around), v="A", w="B")
-        assert scene.manager.displaces("v", "C") == displaces
+        assert scene.manager.would_displace("v", "C") == displaces
 
     both = Scene(
         plant(path("A B", 1000), path("B C", 1000), path("A X", 1000), path("X C", 1000)),
@@ -108,15 +108,15 @@ def test_a_short_detour_avoids_making_room() -> None:
         w="B",
         u="X",
     )
-    assert both.manager.displaces("v", "C")
+    assert both.manager.would_displace("v", "C")
 
 
 def test_a_vehicle_that_will_stop_in_the_way_must_make_room_too() -> None:
     scene = Scene(tracks("A B", "B C", "B D"), v="A", w="D")
-    assert not scene.manager.displaces("v", "C")
+    assert not scene.manager.would_displace("v", "C")
     scene.manager.request_route(RouteRequest("w", "B"))
     assert list(scene.decide()) == ["RouteGrant w D B"]
-    assert scene.manager.displaces("v", "C")
+    assert scene.manager.would_displace("v", "C")
 
 
 def test_two_vehicles_swap_positions_via_a_third() -> None:
@@ -148,16 +148,14 @@ def test_no_vehicle_stops_on_the_section_with_the_right_of_way() -> None:
     scene.manager.request_route(RouteRequest("w", "D"))
 
     assert list(scene.decide("u")) == []
-    assert (
-        str(scene.manager.why_waiting("w")) == "waits for v, which goes first at 'D' (it has waited longer)"
-    )
+    assert str(scene.manager.refusal_of("w")) == "waits for v, which goes first at 'D' (it has waited longer)"
 
 
 def test_a_dropped_request_is_not_granted() -> None:
     scene = Scene(tracks("A B"), v="A")
     scene.manager.request_route(RouteRequest("v", "B"))
 
-    scene.manager.drop("v")
+    scene.manager.drop_request("v")
 
     assert list(scene.decide()) == []
 
@@ -167,7 +165,6 @@ def test_a_vehicle_that_missed_its_goal_keeps_its_turn() -> None:
     scene.manager.request_route(RouteRequest("v", "C"))
     scene.manager.request_route(RouteRequest("w", "C"), first=True)
 
-    assert scene.manager.requesting == ("w", "v")
     assert list(scene.decide()) == ["RouteGrant w X B C"]
 
 
@@ -197,7 +194,7 @@ def test_a_straight_way_needs_the_point_at_its_end() -> None:
     scene = Scene(tracks("A B"), v="A", w="B")
     scene.manager.request_route(RouteRequest("v", "B", straight_mm=1500))
     assert list(scene.decide("w")) == []
-    assert str(scene.manager.why_waiting("v")) == "waits for w, which stands on 'B'"
+    assert str(scene.manager.refusal_of("v")) == "waits for w, which stands on 'B'"
 
     scene.scheduler.remove("w")
     assert list(scene.decide()) == ["RouteGrant v "]
@@ -211,7 +208,7 @@ def test_a_location_is_exclusive_also_for_a_vehicle_already_there() -> None:
 
     assert list(scene.decide()) == ["RouteGrant v A"]
     assert (
-        str(scene.manager.why_waiting("w"))
+        str(scene.manager.refusal_of("w"))
         == "waits for v, which goes first at 'Shelf' (they would block each other otherwise)"
     )
     assert scene.allocate("v") == ""

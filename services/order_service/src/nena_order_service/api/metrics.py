@@ -99,7 +99,7 @@ def _count_waits(service: Monitored) -> Mapping[LabelValues, float]:
     return {
         **{cause.value: count for cause, count in service.engine.state.orders.statistics.waits.items()},
         "robot": service.fleet.statistics.undelivered,
-        "traffic": sum(bool(traffic.why_waiting(each)) for each in traffic.waiting),
+        "traffic": sum(bool(traffic.refusal_of(each)) for each in traffic.waiting_vehicles),
     }
 
 

@@ -236,7 +236,7 @@ class Mobility:
 
     def why_it_waits(self, name: str) -> Reason | None:
         """Return why a vehicle waits for traffic, and why the states of the others are unreadable."""
-        refusal = self._traffic.refusal(name)
+        refusal = self._traffic.refusal_of(name)
         if refusal is None:
             return None
         reason = refusal.in_words()
@@ -314,9 +314,9 @@ class Driving:
     def drop_drive(self, vehicle: FleetVehicle) -> None:
         """Drop a vehicle's drive of which nothing was sent to the robot."""
         self._drives.requested.pop(vehicle.key, None)
-        self._traffic.drop(vehicle.name)
+        self._traffic.drop_request(vehicle.name)
         if self._drives.granted.pop(vehicle.key, None):
-            self._traffic.revoke(vehicle.name)
+            self._traffic.revoke_route(vehicle.name)
 
     def cancel_drive(self, drive: Drive) -> None:
         """Send cancelOrder to a robot after the commit."""
@@ -340,7 +340,7 @@ class Driving:
                 return
             vehicle = self._registry.discover(drive.robot)
             self._drives.drop(drive)
-            self._traffic.revoke(vehicle.name)
+            self._traffic.revoke_route(vehicle.name)
             self.mobility.relocation_failed(vehicle)
             self._state.drive_due = True
 
@@ -355,7 +355,7 @@ class Driving:
         if drive and (vehicle := self._vehicle_under_way(drive)):
             # VDA 5050 3.0, 6.1.1: nodes have the even sequence IDs, the edges between them the odd ones.
             reached = sequence_id // 2
-            self._state.drive_due |= self._traffic.arrived(vehicle.name, reached)
+            self._state.drive_due |= self._traffic.note_arrival(vehicle.name, reached)
             self._peripherals.request_after_movement(vehicle, drive, reached)
 
     def extend_base(self, robot: RobotKey, order_id: str) -> None:
@@ -376,7 +376,7 @@ class Driving:
         self._peripherals.request_after_movement(vehicle, drive, len(drive.way), finished=True)
         self._drives.end(drive)
         if self._traffic.route_of(vehicle.name):
-            self._traffic.finished(vehicle.name)
+            self._traffic.finish_route(vehicle.name)
             self.positions.store_held(vehicle)
             self._come_to_rest(vehicle)
 
@@ -402,7 +402,7 @@ class Driving:
         """Grant routes and extend bases; yield vehicles that are stuck or have a new wait reason."""
         self._state.drive_due = False
         if self._may_release:
-            under_way = [name for name, _ in self._traffic.extending()]
+            under_way = [name for name, _ in self._traffic.routes_to_extend()]
             granted = (self._registry.discover(robot).name for robot in self._drives.granted)
             at_start = filter(self._traffic.route_of, (*granted, *self._peripherals.waiting))
             for name in dict.fromkeys([*under_way, *at_start]):
@@ -424,7 +424,7 @@ class Driving:
                     yield from self._begin_drive(decision)
             # Routes blocked by robots that will not make room end at their bases: their vehicles are then at
             # rest, too, and request new routes around those robots, or swap positions with them.
-            for name in tuple(self._traffic.stuck(self.mobility.can_move, self.mobility.is_lost)):
+            for name in tuple(self._traffic.stuck_vehicles(self.mobility.can_move, self.mobility.is_lost)):
                 self._end_drive_at_base(name)
             # Only after the grants it is known which jobs no route needs any more.
             for name in [name for name in self._peripherals.waiting if not self._traffic.route_of(name)]:
@@ -438,7 +438,7 @@ class Driving:
         """Yield the vehicles that now wait for something else, or no longer wait."""
         unsent = {self._registry.discover(robot).name for robot in self._drives.unsent}
         due = unsent.union(self._peripherals.waiting)
-        for name in self._traffic.waiting.union(due, self._wait_reasons):
+        for name in self._traffic.waiting_vehicles.union(due, self._wait_reasons):
             vehicle = self._vehicle_named(name)
             reason = self.wait_reason(vehicle) if name in due else self.mobility.why_it_waits(name)
             if reason != self._wait_reasons.pop(name, None):
@@ -451,7 +451,7 @@ class Driving:
         self._drives.drop(drive)
         if not drive.relocation:
             self._drives.put(drive.requested_again())
-        self._traffic.revoke(self._registry.discover(drive.robot).name, again=True)
+        self._traffic.revoke_route(self._registry.discover(drive.robot).name, again=True)
         self._state.drive_due = True
 
     def _end_drive_at_base(self, name: str) -> None:
@@ -461,7 +461,7 @@ class Driving:
         if granted := self._drives.granted.get(robot):
             self._request_again(granted)
         elif drive and not drive.cancelled and not drive.all_released:
-            log.info("vehicle rerouted", vehicle=name, reason=str(self._traffic.why_waiting(name) or ""))
+            log.info("vehicle rerouted", vehicle=name, reason=str(self._traffic.refusal_of(name) or ""))
             self.end_early(drive, partial=True)
 
     def wait_reason(self, vehicle: FleetVehicle) -> Reason | None:
@@ -484,7 +484,7 @@ class Driving:
 
     def traffic_wait(self, vehicle: FleetVehicle) -> TrafficWait | None:
         """Return which vehicles a vehicle waits for, where and why; None if it does not wait."""
-        reason, refusal = self.wait_reason(vehicle), self._traffic.refusal(vehicle.name)
+        reason, refusal = self.wait_reason(vehicle), self._traffic.refusal_of(vehicle.name)
         if job := self._peripherals.job_awaited_by(vehicle.name):
             return TrafficWait(at=job.status.location, **explained(reason))
         if refusal is None:
@@ -513,17 +513,17 @@ class Driving:
             standing = self._planner.standing(vehicle, self._context.view(vehicle))
         except NotLocatedError:
             standing = None
-        if standing is None or not self._traffic.stands(
+        if standing is None or not self._traffic.stands_at(
             vehicle.name, standing.point, on_point=standing.on_point
         ):
-            self._traffic.revoke(vehicle.name, again=True)
+            self._traffic.revoke_route(vehicle.name, again=True)
             self._come_to_rest(vehicle)
             self._state.drive_due = False  # until a new state or the next check
             return
         try:
             self._drives.put(self._granted_drive(granted, vehicle, standing))
         except ValueError as error:
-            self._traffic.revoke(vehicle.name)
+            self._traffic.revoke_route(vehicle.name)
             yield Stuck(vehicle, Reason(R.CANNOT_BUILD, str(error)))
             return
         self._allocate_and_send(vehicle)
@@ -570,7 +570,7 @@ class Driving:
     def _allocate_ahead(self, vehicle: FleetVehicle, more: int, gate: Gate) -> bool:
         """Allocate as far ahead as the settings require; ``more``: at least this many additional nodes."""
         name, settings = vehicle.name, self._context.settings
-        ahead = more and self._traffic.ahead(name) + more
+        ahead = more and self._traffic.scheduler.occupant(name).ahead + more
         if settings.release_ahead or not settings.release_seconds:
             nodes = settings.release_ahead and (ahead or settings.release_ahead)
             return self._traffic.allocate(name, nodes, gate=gate)
@@ -591,7 +591,7 @@ class Driving:
 
     def _shorten_route(self, drive: Drive) -> None:
         if vehicle := self._vehicle_under_way(drive):
-            self._traffic.shorten(vehicle.name)
+            self._traffic.shorten_route(vehicle.name)
             self._state.drive_due = True
 
     def _send_order(self, drive: Drive) -> FleetOutput | None:

@@ -60,7 +60,7 @@ def _of_vehicles(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> 
         if engine.state.drives.order_number(vehicle.key) is not None or route:
             yield from _of_robot(vehicle, registry)
         ahead = route.way[route.allocated :] if route else ()
-        for place in (*engine.traffic.held(vehicle.name), *ahead):
+        for place in (*engine.traffic.held_by(vehicle.name), *ahead):
             for problem in differences.of_place(place, under_way=route is not None):
                 yield f"vehicle {vehicle.name!r} uses {problem}"
 

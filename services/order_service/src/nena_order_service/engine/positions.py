@@ -59,7 +59,7 @@ class Positions:
         if not self._is_respected(vehicle):
             if name not in self._traffic:
                 return False
-            self._traffic.remove(name)
+            self._traffic.remove_vehicle(name)
             self.store_held(vehicle)
             log.info("vehicle no longer holds resources", vehicle=name)
             return True
@@ -77,7 +77,9 @@ class Positions:
         stayed = previous is not None and previous.standing is standing and previous.moving is moving
         if standing is None or (stayed and name in self._traffic):
             return False
-        changed = self._traffic.seen(name, _to_found(vehicle, standing), box_of(vehicle), moving=moving)
+        changed = self._traffic.update_position(
+            name, _to_found(vehicle, standing), box_of(vehicle), moving=moving
+        )
         if changed:
             self.store_held(vehicle)
         return changed
@@ -97,7 +99,9 @@ class Positions:
     def store_held(self, vehicle: FleetVehicle) -> None:
         """Store the resources that a vehicle holds."""
         name = vehicle.name
-        self._records.change(vehicle.key, held=self._traffic.held(name), beside=self._traffic.beside(name))
+        self._records.change(
+            vehicle.key, held=self._traffic.held_by(name), beside=self._traffic.sets_beside(name)
+        )
 
     def forget_sighting(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
         """Read the position of a vehicle again; with ``doubt``, only from its next state."""

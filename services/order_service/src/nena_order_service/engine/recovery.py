@@ -47,7 +47,9 @@ class Recovery:
             record = self._vehicles.of(vehicle.key)
             held = [place for place in record.held if place.point in self._plant.points_by_name]
             if held and record.integration_level.holds_resources:
-                self._traffic.restore(vehicle.name, held, box_of(vehicle).length_mm, beside=record.beside)
+                self._traffic.restore_position(
+                    vehicle.name, held, box_of(vehicle).length_mm, beside=record.beside
+                )
             self._vehicles.change(vehicle.key)
         for document in relocations:
             if drive := _read_drive(document):
@@ -85,8 +87,8 @@ class Recovery:
         if vehicle.name not in self._traffic:  # no record says where it stood, so it is where its order began
             start = drive.vda_order.nodes[0].node_id
             under = self._traffic.resources.at(start) if start in self._plant.points_by_name else NOWHERE
-            self._traffic.restore(vehicle.name, [under], box_of(vehicle).length_mm)
-        self._traffic.resume(vehicle.name, drive.way, drive.allocated)
+            self._traffic.restore_position(vehicle.name, [under], box_of(vehicle).length_mm)
+        self._traffic.resume_route(vehicle.name, drive.way, drive.allocated)
         self._state.after_commit(
             lambda: self._context.fleet.adopt_vda_order(
                 drive.robot, drive.as_released(), accepted=drive.accepted, update_id=drive.update_id

@@ -242,7 +242,7 @@ class Rerouting:
             # A detour pays around vehicles at rest; those that drive free the way themselves.
             if not is_first or refusal.reason is not WaitReason.RESTING:
                 return Reason(R.IT, refusal.in_words())
-            held = (resources for name in refusal.vehicles for resources in self._traffic.held(name))
+            held = (resources for name in refusal.vehicles for resources in self._traffic.held_by(name))
             drivable = self._plant.points_by_name.keys() | self._plant.paths_by_name.keys()
             occupied = frozenset(name for resources in held for name in resources.uses if name in drivable)
             avoid = occupied - {under_way.base_end}
@@ -250,7 +250,7 @@ class Rerouting:
     def _claim_route(self, under_way: _UnderWay, route: Route) -> Refusal | None:
         leg = Leg(route.cost, route)
         at_goal = self._planner.route_request(under_way.order, under_way.vehicle, leg).at_goal
-        return self._traffic.replan(under_way.vehicle.name, route.steps, at_goal)
+        return self._traffic.replace_route(under_way.vehicle.name, route.steps, at_goal)
 
     def _is_current_route(self, under_way: _UnderWay, route: Route) -> bool:
         """Return whether the vehicle already drives this route, or the route is empty."""

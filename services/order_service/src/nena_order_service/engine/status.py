@@ -220,7 +220,7 @@ class StatusReporter:
             self._driving.positions.why_unprotected(vehicle),
             awaits,
             self._idle.why_not_sent(vehicle),
-            self._context.traffic.sharing(vehicle.name),
+            self._context.traffic.shared_with(vehicle.name),
         )
         reasons = [*filter(None, (reason, *more))]
         return reasons[0] if len(reasons) == 1 else Reason(R.ALL, *reasons)

@@ -359,7 +359,7 @@ class Stops:
         It could if it holds a point or path of the area, or drives straight through it to a coordinate.
         """
         resources = self._resources[name]
-        if any(not resources.isdisjoint(held.uses) for held in self._context.traffic.held(vehicle.name)):
+        if any(not resources.isdisjoint(held.uses) for held in self._context.traffic.held_by(vehicle.name)):
             return True
         position = _position_on(area.map_id, vehicle, view)
         if position is None:

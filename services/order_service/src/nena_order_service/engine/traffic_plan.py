@@ -43,7 +43,7 @@ class TrafficPlans:
         self, vehicle: FleetVehicle, drive: ExpectedDrive, arrivals: Sequence[float]
     ) -> VehiclePlan:
         """Return the plan of a vehicle that arrives at its next points after so many seconds."""
-        route, at = self._traffic.route_of(vehicle.name), self._traffic.point(vehicle.name)
+        route, at = self._traffic.route_of(vehicle.name), self._traffic.scheduler.occupant(vehicle.name).point
         ahead: list[PlannedPoint] = []
         start, order = at, self._context.state.order_of(vehicle.key)
         for index, (step, seconds) in enumerate(zip_longest(drive.ahead, arrivals)):
@@ -70,11 +70,11 @@ class TrafficPlans:
     def _expected_drive(self, vehicle: FleetVehicle) -> ExpectedDrive:
         """Return the steps that a vehicle could drive within :data:`HORIZON`, and those that it holds."""
         name = vehicle.name
-        route, held = self._traffic.route_of(name), self._traffic.held(name)
-        refusal = self._traffic.refusal(name)
+        route, held = self._traffic.route_of(name), self._traffic.held_by(name)
+        refusal = self._traffic.refusal_of(name)
         if route is None:
             return ExpectedDrive(held, refusal=refusal)
-        at, seconds, in_all = self._traffic.point(name), list[float](), 0.0
+        at, seconds, in_all = self._traffic.scheduler.occupant(name).point, list[float](), 0.0
         seconds_along = self._pace.of(vehicle.model, self._context.view(vehicle).factsheet)
         allocated = route.allocated - route.reached
         for index, step in enumerate(route.way[route.reached :]):

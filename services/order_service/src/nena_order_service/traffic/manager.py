@@ -190,27 +190,11 @@ class TrafficManager:
         """Return whether the vehicle holds anything."""
         return vehicle in self.scheduler
 
-    def held(self, vehicle: str) -> tuple[ResourceSet, ...]:
+    def held_by(self, vehicle: str) -> tuple[ResourceSet, ...]:
         """Return what a vehicle holds, oldest first; empty for an unknown vehicle."""
         return tuple(self.scheduler.occupant(vehicle).held) if vehicle in self.scheduler else ()
 
-    def point(self, vehicle: str) -> str:
-        """Return the point that a vehicle has reached last; raises UnknownOccupantError."""
-        return self.scheduler.occupant(vehicle).point
-
-    def users(self, resource: str) -> frozenset[str]:
-        """Return the vehicles that hold, claim or will rest on a point, path, block or location."""
-        return self.scheduler.users(resource)
-
-    def holders(self, resource: str) -> frozenset[str]:
-        """Return the vehicles that hold a point, path, block, location or peripheral device."""
-        return self.scheduler.holders(resource)
-
-    def ahead(self, vehicle: str) -> int:
-        """Return how many sets a vehicle holds ahead of it; raises UnknownOccupantError."""
-        return self.scheduler.occupant(vehicle).ahead
-
-    def stands(self, vehicle: str, point: str, *, on_point: bool) -> bool:
+    def stands_at(self, vehicle: str, point: str, *, on_point: bool) -> bool:
         """Return whether the vehicle is on this point or, unless ``on_point``, nearest to it."""
         occupant = self.scheduler.occupant(vehicle)
         return occupant.point == point and (occupant.entry is None) == on_point
@@ -219,7 +203,7 @@ class TrafficManager:
         """Return the vehicle's route, read-only; None if it is at rest."""
         return self._routes.get(vehicle)
 
-    def extending(self) -> list[tuple[str, AllocatedRoute]]:
+    def routes_to_extend(self) -> list[tuple[str, AllocatedRoute]]:
         """Return the driving vehicles to which more may be allocated, with their routes.
 
         The others, of which there may be many, need no traffic control for now: their whole routes are
@@ -233,30 +217,20 @@ class TrafficManager:
         ]
 
     @property
-    def requesting(self) -> tuple[str, ...]:
-        """The vehicles with a route request, oldest first."""
-        return tuple(sorted(self._requests, key=self._turn_of))
-
-    @property
-    def waiting(self) -> frozenset[str]:
+    def waiting_vehicles(self) -> frozenset[str]:
         """The vehicles that may be waiting for traffic, under way or before departure."""
-        return frozenset((*(name for name, _ in self.extending()), *self._requests))
+        return frozenset((*(name for name, _ in self.routes_to_extend()), *self._requests))
 
-    def refusal(self, vehicle: str) -> Refusal | None:
+    def refusal_of(self, vehicle: str) -> Refusal | None:
         """Return the refusal for which a vehicle waits; None if it does not wait for traffic."""
         route = self._routes.get(vehicle)
         return (route and route.refusal) or self._refusals.get(vehicle)
-
-    def why_waiting(self, vehicle: str) -> Reason | None:
-        """Return why a vehicle waits for traffic; None if it does not."""
-        refusal = self.refusal(vehicle)
-        return refusal.in_words() if refusal else None
 
     def waiting_at_end(self) -> dict[str, int]:
         """Return the vehicles that wait at the end of what they hold, and how far each has driven."""
         return {
             name: route.reached
-            for name, route in self.extending()
+            for name, route in self.routes_to_extend()
             if route.refusal and not self.scheduler.occupant(name).ahead
         }
 
@@ -266,12 +240,12 @@ class TrafficManager:
         refusal = route.refusal if route else None
         return refusal is not None and refusal.reason is WaitReason.RESTING
 
-    def stuck(self, movable: VehicleTest, lost: VehicleTest) -> Iterator[str]:
+    def stuck_vehicles(self, movable: VehicleTest, lost: VehicleTest) -> Iterator[str]:
         """Yield the driving vehicles that wait for vehicles at rest which cannot be relocated.
 
         Those cannot be moved, or it is unknown when they can. Call this after :meth:`decide`.
         """
-        for vehicle, route in self.extending():
+        for vehicle, route in self.routes_to_extend():
             if self.is_blocked(vehicle) and route.refusal:
                 blockers = [name for name in route.refusal.vehicles if name not in self._routes]
                 if blockers and all(movable(name) or lost(name) for name in blockers):
@@ -281,12 +255,12 @@ class TrafficManager:
                 if refusal and refusal.reason is WaitReason.RESTING and any(map(lost, refusal.vehicles)):
                     yield vehicle
 
-    def sharing(self, vehicle: str) -> Reason | None:
+    def shared_with(self, vehicle: str) -> Reason | None:
         """Return, as a predicate, which vehicle stands on the same resource; None if there is none."""
         shared = self.scheduler.sharing(vehicle) if vehicle in self.scheduler else None
         return Reason(R.SHARES, at=shared[1], vehicle=shared[0]) if shared else None
 
-    def displaces(self, vehicle: str, goal: str) -> bool:
+    def would_displace(self, vehicle: str, goal: str) -> bool:
         """Return whether vehicles that rest, now or soon, would have to make room for a drive to ``goal``."""
         route_request = RouteRequest(vehicle, goal)
         try:
@@ -320,12 +294,15 @@ class TrafficManager:
         occupied = [self.scheduler.occupant(name).held for name in others]
         start, goal = occupant.held[-1].point, present[-1].point
         at_rest = (name for name in self.scheduler.names if name not in self._routes and stays(name))
-        resting = {use for name in at_rest for held in self.held(name) for use in held.uses} - {start, goal}
+        resting = {use for name in at_rest for held in self.held_by(name) for use in held.uses} - {
+            start,
+            goal,
+        }
         return self._search.around(vehicle, start, occupied, avoid, resting)
 
     # Vehicles without a route: what they occupy
 
-    def seen(self, vehicle: str, found: Found, box: BoundingBox, *, moving: bool = False) -> bool:
+    def update_position(self, vehicle: str, found: Found, box: BoundingBox, *, moving: bool = False) -> bool:
         """Make a vehicle without a route hold the resources at the position where it was seen.
 
         Return whether that changes what it holds.
@@ -334,7 +311,7 @@ class TrafficManager:
         more precisely than the pose what the vehicle's length covers. After a route that was broken off, the
         vehicle also keeps the resources next to its last position, because paths may be curved.
         """
-        beside = self.beside(vehicle)
+        beside = self.sets_beside(vehicle)
         footing, behind = self._occupancy.of(found, box), self._still_covered(vehicle, found, moving=moving)
         if behind and behind[-1].point == found.point and found.on_point and not moving:
             held, entry = behind, None
@@ -342,8 +319,8 @@ class TrafficManager:
             held = (*(place for place in behind if place != footing.under), footing.under)
             entry = footing.entry
         if moving:
-            is_there = vehicle in self.scheduler and self.point(vehicle) == found.point
-            self._broken_off.setdefault(vehicle, self.held(vehicle) if is_there else ())
+            is_there = vehicle in self.scheduler and self.scheduler.occupant(vehicle).point == found.point
+            self._broken_off.setdefault(vehicle, self.held_by(vehicle) if is_there else ())
         else:
             remembered = self._broken_off.pop(vehicle, None)
             if found.on_point:
@@ -353,23 +330,23 @@ class TrafficManager:
         if vehicle in self.scheduler:
             occupant = self.scheduler.occupant(vehicle)
             if tuple(occupant.held) == held and occupant.entry == entry:
-                return beside != self.beside(vehicle)
+                return beside != self.sets_beside(vehicle)
         self.scheduler.place(vehicle, held, box.length_mm, entry=entry)
         return True
 
     def _still_covered(self, vehicle: str, found: Found, *, moving: bool) -> tuple[ResourceSet, ...]:
         """Return those of a vehicle's held sets that it still covers at the position where it was found."""
-        held = self.held(vehicle)
+        held = self.held_by(vehicle)
         if moving:
             return held
-        remembered = self.beside(vehicle)
+        remembered = self.sets_beside(vehicle)
         passed = held if remembered is None else remembered
         if found.on_point:
             at = [index for index, place in enumerate(passed) if place.point == found.point]
             return passed[: at[-1] + 1] if at else ()
         return () if remembered is None else passed
 
-    def beside(self, vehicle: str) -> tuple[ResourceSet, ...] | None:
+    def sets_beside(self, vehicle: str) -> tuple[ResourceSet, ...] | None:
         """Return what a vehicle that broke off may occupy; None: it did not, or has been seen on a point."""
         return self._broken_off.get(vehicle, self._left_at.get(vehicle))
 
@@ -377,7 +354,7 @@ class TrafficManager:
         """Return whether a vehicle broke off or moved without a route, and was not seen standing since."""
         return vehicle in self._broken_off
 
-    def restore(
+    def restore_position(
         self,
         vehicle: str,
         held: Sequence[ResourceSet],
@@ -390,9 +367,9 @@ class TrafficManager:
         if beside is not None:
             self._broken_off[vehicle] = beside
 
-    def remove(self, vehicle: str) -> None:
+    def remove_vehicle(self, vehicle: str) -> None:
         """Remove a vehicle: it no longer holds, requests or claims anything."""
-        self.drop(vehicle)
+        self.drop_request(vehicle)
         self._turns.pop(vehicle, None)
         self._let_out.pop(vehicle, None)
         self._routes.pop(vehicle, None)
@@ -421,7 +398,7 @@ class TrafficManager:
         self._requests[vehicle] = route_request
         self._last_refusals.pop(vehicle, None)
 
-    def drop(self, vehicle: str) -> None:
+    def drop_request(self, vehicle: str) -> None:
         """Drop a vehicle's request; it keeps its turn."""
         self._requests.pop(vehicle, None)
         self._refusals.pop(vehicle, None)
@@ -448,7 +425,7 @@ class TrafficManager:
                 for it takes any detour, and never gets the right of way: others would wait forever.
 
         """
-        extending = [name for name, _ in self.extending()]
+        extending = [name for name, _ in self.routes_to_extend()]
         yield from self._clear_ways(extending, movable)
         self._right_of_way = right_of_way = None
         for vehicle in sorted(dict.fromkeys((*self._requests, *extending)), key=self._turn_of):
@@ -467,7 +444,7 @@ class TrafficManager:
                 refused = answer
             if refused is None:
                 continue
-            refusal = self._refusals[vehicle] = self._with_distance(refused.refusal, self.refusal(vehicle))
+            refusal = self._refusals[vehicle] = self._with_distance(refused.refusal, self.refusal_of(vehicle))
             blocked_at_rest = refusal.reason is WaitReason.RESTING
             if blocked_at_rest and any(map(lost, refusal.vehicles)):
                 continue
@@ -571,7 +548,7 @@ class TrafficManager:
         try:
             route = self._search.find(route_request)
         except NoRouteError as error:
-            self.drop(vehicle)
+            self.drop_request(vehicle)
             return RouteRejection(vehicle, error)
         causes = {vehicle}
         way = self._resources_along(route_request, route)
@@ -583,7 +560,7 @@ class TrafficManager:
                 if self._claim_first_section(vehicle, around, right_of_way, lost, causes) is None:
                     route, way, refused = detour, around, None
         if refused is None:
-            self.drop(vehicle)
+            self.drop_request(vehicle)
             self._start_route(vehicle, way, route_request)
             return RouteGrant(vehicle, route)
         if vehicle not in self._let_out:
@@ -607,7 +584,7 @@ class TrafficManager:
     ) -> Route | None:
         """Return a route around vehicles that rest on a way; None if there is none up to cost ``longest``."""
         resting = self.scheduler.resting_on(route_request.vehicle, way)
-        occupied = {use for name in resting for held in self.held(name) for use in held.uses}
+        occupied = {use for name in resting for held in self.held_by(name) for use in held.uses}
         try:
             detour = self._search.find(route_request, without=occupied - {route_request.goal})
         except NoRouteError:
@@ -832,7 +809,9 @@ class TrafficManager:
             self.scheduler.give_back(vehicle, route.allocated - route.released)
             route.allocated = route.released
 
-    def replan(self, vehicle: str, steps: Sequence[Step], at_goal: Sequence[str] = ()) -> Refusal | None:
+    def replace_route(
+        self, vehicle: str, steps: Sequence[Step], at_goal: Sequence[str] = ()
+    ) -> Refusal | None:
         """Replace a vehicle's route beyond what is allocated; return the refusal, if any.
 
         The vehicle keeps what is allocated. If traffic control refuses, the route is unchanged.
@@ -845,7 +824,7 @@ class TrafficManager:
         self._refusals.pop(vehicle, None)
         return None
 
-    def arrived(self, vehicle: str, reached: int) -> bool:
+    def note_arrival(self, vehicle: str, reached: int) -> bool:
         """Note that the vehicle has arrived at the ``reached``-th set of its route, counted from 1.
 
         Return whether any vehicle may be able to continue because of it. A vehicle that has driven further
@@ -865,16 +844,16 @@ class TrafficManager:
         route.reached = reached
         return freed or not route.all_allocated
 
-    def finished(self, vehicle: str) -> None:
+    def finish_route(self, vehicle: str) -> None:
         """Note that the vehicle has arrived at the end of its route and is at rest."""
-        self.arrived(vehicle, len(self._routes[vehicle].way))
+        self.note_arrival(vehicle, len(self._routes[vehicle].way))
         del self._routes[vehicle]
         self._refusals.pop(vehicle, None)
-        at_goal = self._turns.get(vehicle, (0, ""))[1] == self.point(vehicle)
+        at_goal = self._turns.get(vehicle, (0, ""))[1] == self.scheduler.occupant(vehicle).point
         if at_goal and vehicle not in self._requests:
             self._turns.pop(vehicle, None)
 
-    def revoke(self, vehicle: str, *, again: bool = False) -> None:
+    def revoke_route(self, vehicle: str, *, again: bool = False) -> None:
         """Withdraw a route of which nothing is released yet; the vehicle stays at rest.
 
         ``again``: request the route again, unless the vehicle was only to be relocated.
@@ -885,7 +864,7 @@ class TrafficManager:
         if again and route_request:
             self.request_route(route_request, first=True)
 
-    def shorten(self, vehicle: str) -> None:
+    def shorten_route(self, vehicle: str) -> None:
         """End a vehicle's route at the last set that it may drive."""
         self.give_back(vehicle)
         route = self._routes[vehicle]
@@ -903,8 +882,8 @@ class TrafficManager:
         self._broken_off[vehicle] = held[: occupant.reached + 2]
         self.scheduler.place(vehicle, held, occupant.length_mm)
 
-    def resume(self, vehicle: str, way: Sequence[ResourceSet], allocated: int) -> None:
-        """Restore a vehicle's route after a restart; :meth:`arrived` then reports its progress."""
+    def resume_route(self, vehicle: str, way: Sequence[ResourceSet], allocated: int) -> None:
+        """Restore a vehicle's route after a restart; :meth:`note_arrival` then reports its progress."""
         self._broken_off.pop(vehicle, None)
         ends = self.resources.waiting_places(way)
         end = next((place for place in ends if place >= allocated), allocated)
