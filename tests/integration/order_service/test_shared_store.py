@@ -13,7 +13,7 @@ from nena_demo.plants import sample_plant_path
 from nena_order_service.app import serve
 from nena_order_service.plant_file import load_plant
 from nena_order_service.runner import PLANT_MODEL, StoredPlant
-from nena_order_service.store.database import Changes, Fence, write
+from nena_order_service.store.database import Changes, Fence, commit_changes
 from nena_order_service.store.schema import open_database
 from nena_shared.tasks import TaskFailedError
 from support.order_service_fleet import Fleet
@@ -38,7 +38,7 @@ def full(fleet: Fleet, postgres: Postgres) -> Engine:
     stored = StoredPlant(file="another", model=load_plant(sample_plant_path()).model.to_json())
     changes = Changes()
     changes.documents[PLANT_MODEL, ""] = stored.model_dump_json(exclude_defaults=True)
-    write(engine, changes)
+    commit_changes(engine, changes)
     execute(engine, *FULL)
     return engine
 

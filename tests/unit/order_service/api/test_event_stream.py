@@ -121,7 +121,7 @@ async def test_a_reconnecting_client_receives_each_missed_order_once(
 async def test_ids_survive_a_restart(service: OrderService) -> None:
     await create(service, "T-1", "T-2")
     found = await service.store.unfinished()
-    service.store.numbers.begin(found.last_change)
+    service.store.numbers.continue_after(found.last_change)
     restarted = EventStream(service.engine, EventSettings())
     async with aclosing(restarted.follow("1", ORDERS)) as frames:
         assert names(await Client(frames).hear()) == ["T-2"]

@@ -63,7 +63,7 @@ def engine(url: str) -> Any:
 
 
 def write(engine: sa.Engine, *rows: AuditRow, chain: AuditChain | None = None) -> None:
-    database.write(engine, Changes(audit=list(rows)), chain=chain)
+    database.commit_changes(engine, Changes(audit=list(rows)), chain=chain)
 
 
 def test_rows_are_chained_over_commits_and_restarts(engine: sa.Engine) -> None:
@@ -126,11 +126,11 @@ def test_change_and_row_are_committed_together_or_not_at_all(engine: sa.Engine) 
     order = dispatchable_order()
     changes = Changes(audit=[row()])
     changes.put_order(order, None)
-    database.write(engine, changes, chain=chain)
+    database.commit_changes(engine, changes, chain=chain)
     again = Changes(audit=[row(1)])
     again.put_order(order, None)
     with pytest.raises(IntegrityError):
-        database.write(engine, again, chain=chain)
+        database.commit_changes(engine, again, chain=chain)
     write(engine, row(2), chain=chain)
     page = read_page(engine, OLDEST_FIRST)
     assert [(each.sequence, each.timestamp.minute) for each in page.entries] == [(1, 0), (2, 2)]
@@ -180,7 +180,7 @@ def test_writing_continues_after_the_document_of_the_last_row_is_gone(engine: sa
 
 def delete_expired(engine: sa.Engine, before: datetime) -> AuditMark | None:
     mark = read_expired(engine, before)
-    database.write(engine, Changes(expired_audit=mark))
+    database.commit_changes(engine, Changes(expired_audit=mark))
     return mark
 
 
@@ -275,9 +275,9 @@ def test_chain_continues_after_a_commit_whose_answer_was_lost(
     with monkeypatch.context() as patched:
         patched.setattr(database, "_write_changes", losing)
         with pytest.raises(ConnectionError):
-            database.write(engine, changes, fence, chain)
+            database.commit_changes(engine, changes, fence, chain)
     fence.lets_pass.return_value = False
-    database.write(engine, changes, fence, chain)
+    database.commit_changes(engine, changes, fence, chain)
     write(engine, row(2), chain=chain)
     page = read_page(engine, OLDEST_FIRST)
     assert [(each.sequence, each.timestamp.minute) for each in page.entries] == [(1, 0), (2, 1), (3, 2)]

@@ -17,6 +17,7 @@ from nena_order_service.store.database import (
     DriveRow,
     OrderFilter,
     SequenceFilter,
+    commit_changes,
     read_changes,
     read_documents,
     read_number_at,
@@ -26,7 +27,6 @@ from nena_order_service.store.database import (
     read_sequence,
     read_sequences,
     read_unfinished,
-    write,
 )
 from nena_order_service.store.schema import StoreError, make_engine, open_database
 from nena_shared.fleet_api.reasons import Reason
@@ -44,7 +44,7 @@ def test_documents_are_put_replaced_and_deleted(url: str) -> None:
         changes = Changes()
         changes.merge(Changes(documents=dict(documents)))
         assert changes
-        write(engine, changes)
+        commit_changes(engine, changes)
     assert read_documents(engine, "a") == {"one": "4"}
     assert read_documents(engine, "b") == {"one": "3"}
 
@@ -58,7 +58,7 @@ def test_the_newest_document_of_each_robot_counts(url: str) -> None:
         later.vehicles["NeNa/V2"] = lambda: "at C"
         made.merge(later)
         assert made
-        write(engine, made)
+        commit_changes(engine, made)
         assert read_unfinished(engine).vehicles == {"NeNa/V1": place, "NeNa/V2": "at C"}
 
 
@@ -77,13 +77,13 @@ def test_the_newest_version_of_each_sequence_counts(url: str) -> None:
     later.sequences[grown.number] = grown
     assert made
     made.merge(later)
-    write(engine, made)
+    commit_changes(engine, made)
     found = read_unfinished(engine)
     assert (found.sequences, found.last_sequence) == ((first, grown), 2)
 
     ended, done = Changes(), first.completed("by a host", NOW)
     ended.sequences[done.number] = done
-    write(engine, ended)
+    commit_changes(engine, ended)
     found = read_unfinished(engine)
     assert (found.sequences, found.last_sequence) == ((grown,), 2)
     assert read_sequence(engine, name="S-1") == done
@@ -99,7 +99,7 @@ def test_sequences_are_listed_newest_first_with_filters(url: str) -> None:
     for number in range(1, 5):
         one = sequence(number, intendedVehicle="V-1" if number > 2 else None)
         changes.sequences[number] = one.completed("by a host", NOW) if number == 4 else one
-    write(engine, changes)
+    commit_changes(engine, changes)
 
     def numbers(wanted: SequenceFilter) -> list[int]:
         return [each.number for each in read_sequences(engine, wanted)]
@@ -120,7 +120,7 @@ def test_sequences_are_found_by_time_of_creation(url: str) -> None:
         changes.sequences[number] = OrderSequence.created(
             asked, number=number, name=f"S-{number}", now=created
         )
-    write(engine, changes)
+    commit_changes(engine, changes)
 
     def between(first: int, last: int) -> list[int]:
         since, until = (NOW + timedelta(minutes=each) for each in (first, last))
@@ -136,7 +136,7 @@ def test_sequences_are_found_by_time_of_creation(url: str) -> None:
 def test_order_round_trip_is_unchanged(url: str) -> None:
     engine = open_database(url)
     order = assigned_order("A", "B", idempotency_key="k", deadline=NOW, priority=3)
-    write(engine, changes((order, None)))
+    commit_changes(engine, changes((order, None)))
     assert read_order(engine, name=order.name) == order
     assert read_order(engine, idempotency_key="k") == order
     assert read_order(engine, name="other", idempotency_key="other") is None
@@ -145,7 +145,7 @@ def test_order_round_trip_is_unchanged(url: str) -> None:
 def test_key_goes_before_name(url: str) -> None:
     engine = open_database(url)
     one, two = dispatchable_order(number=1, idempotency_key="k"), dispatchable_order(number=2)
-    write(engine, changes((one, None), (two, None)))
+    commit_changes(engine, changes((one, None), (two, None)))
     assert read_order(engine, name=two.name, idempotency_key="k") == one
 
 
@@ -154,11 +154,11 @@ def test_the_last_version_of_a_commit_has_the_whole_history(url: str) -> None:
     first = dispatchable_order()
     second = first.deferred(Reason.of("nobody is free"), NOW)
     third = second.deferred(Reason.of("all are offline"), NOW)
-    write(engine, changes((first, None), (second, first)))
-    write(engine, changes((third, second)))
+    commit_changes(engine, changes((first, None), (second, first)))
+    commit_changes(engine, changes((third, second)))
     assert read_order(engine, name=first.name) == third
     done = third.assigned("V-1", [("A",)], Reason.of("near"), NOW).finished(NOW)
-    write(engine, changes((done, third)))
+    commit_changes(engine, changes((done, third)))
     assert read_order(engine, name=first.name) == done
 
 
@@ -170,7 +170,7 @@ def test_merged_changes_write_what_the_single_ones_would(url: str) -> None:
     both = changes((first, None))
     both.merge(changes((second, first)))
     both.merge(changes((third, second)))
-    write(engine, both)
+    commit_changes(engine, both)
     assert read_order(engine, name=first.name) == third
 
 
@@ -182,7 +182,7 @@ def test_unfinished_are_orders_and_drives_that_a_restart_takes_up(url: str) -> N
     made = changes((waiting, None), (running, None), (ended, None))
     made.drives["NeNa/V1"] = DriveRow(2, lambda: "sent for 2")
     made.drives["NeNa/V2"] = DriveRow(None, lambda: "makes room")
-    write(engine, made)
+    commit_changes(engine, made)
     found = read_unfinished(engine)
     assert found.orders == (waiting, running)
     assert (found.drives, found.relocations) == ({2: "sent for 2"}, ("makes room",))
@@ -193,17 +193,17 @@ def test_stored_drive_is_replaced_and_deleted(url: str) -> None:
     engine = open_database(url)
     made = changes((assigned_order(number=2), None))
     made.drives["NeNa/V1"] = DriveRow(2, lambda: "first")
-    write(engine, made)
+    commit_changes(engine, made)
     for drive, expected in ((DriveRow(2, lambda: "second"), {2: "second"}), (None, {})):
         later = Changes()
         later.drives["NeNa/V1"] = drive
-        write(engine, later)
+        commit_changes(engine, later)
         assert read_unfinished(engine).drives == expected
 
 
 def test_pages_are_newest_first_and_continue_after_the_cursor(url: str) -> None:
     engine = open_database(url)
-    write(engine, changes(*((dispatchable_order(number=n), None) for n in range(1, 6))))
+    commit_changes(engine, changes(*((dispatchable_order(number=n), None) for n in range(1, 6))))
     page = read_orders(engine, OrderFilter(limit=2))
     assert [order.number for order in page] == [5, 4]
     assert [order.number for order in read_orders(engine, OrderFilter(before=4))] == [3, 2, 1]
@@ -218,7 +218,7 @@ def test_numbers_are_found_by_time_of_creation(url: str) -> None:
         for number in numbers
         for made in (dispatchable_order(number=number),)
     )
-    write(engine, changes(*((order, None) for order in orders)))
+    commit_changes(engine, changes(*((order, None) for order in orders)))
     for minute in range(22):
         expected = min((each for each in numbers if each >= minute), default=21)
         assert read_number_at(engine, NOW + timedelta(minutes=minute)) == expected
@@ -229,7 +229,7 @@ def test_numbers_are_found_by_time_of_creation(url: str) -> None:
 
 def test_filters_choose_by_state_and_intended_vehicle(url: str) -> None:
     engine = open_database(url)
-    write(
+    commit_changes(
         engine,
         changes(
             (dispatchable_order(number=1, intended_vehicle="V-1"), None),
@@ -243,9 +243,9 @@ def test_filters_choose_by_state_and_intended_vehicle(url: str) -> None:
 
 def test_all_of_a_commit_or_nothing(url: str) -> None:
     engine = open_database(url)
-    write(engine, changes((dispatchable_order(number=1), None)))
+    commit_changes(engine, changes((dispatchable_order(number=1), None)))
     with pytest.raises(IntegrityError):
-        write(
+        commit_changes(
             engine,
             changes((dispatchable_order(number=2), None), (dispatchable_order(number=3, name="T-1"), None)),
         )
@@ -255,13 +255,13 @@ def test_all_of_a_commit_or_nothing(url: str) -> None:
 def test_names_with_quotes_are_only_names(url: str) -> None:
     engine = open_database(url)
     order = dispatchable_order(intended_vehicle="' OR '1'='1")
-    write(engine, changes((order, None), (dispatchable_order(number=2), None)))
+    commit_changes(engine, changes((order, None), (dispatchable_order(number=2), None)))
     assert read_orders(engine, OrderFilter(intended_vehicle="' OR '1'='1")) == (order,)
 
 
 def test_names_with_nul_are_not_found(url: str) -> None:
     engine = open_database(url)
-    write(engine, changes((dispatchable_order(number=1), None)))
+    commit_changes(engine, changes((dispatchable_order(number=1), None)))
     assert read_order(engine, name="T-1\0", idempotency_key="k\0") is None
     assert read_orders(engine, OrderFilter(intended_vehicle="V-1\0")) == ()
 
@@ -275,7 +275,7 @@ def test_file_that_is_no_database_is_refused(tmp_path: Path) -> None:
 
 def test_an_unreadable_store_is_reported_at_startup(url: str) -> None:
     engine = open_database(url)
-    write(engine, changes((dispatchable_order(), None)))
+    commit_changes(engine, changes((dispatchable_order(), None)))
     with engine.begin() as connection:
         connection.execute(text("UPDATE transport_orders SET document = '{}'"))
     with pytest.raises(StoreError, match=r"store\.url cannot be read"):
@@ -293,11 +293,11 @@ def test_changes_after_a_number_are_in_sequence_with_each_order_once(url: str) -
     engine = open_database(url)
     one, two, three = (dispatchable_order(number=number) for number in (1, 2, 3))
     made = changes((one, None), (two, None), (three, None))
-    assert made.numbered(0) == 3
-    write(engine, made)
+    assert made.number_orders(0) == 3
+    commit_changes(engine, made)
     again = changes((one.failed(Reason.of("withdrawn"), NOW), one))
-    assert again.numbered(3) == 4
-    write(engine, again)
+    assert again.number_orders(3) == 4
+    commit_changes(engine, again)
     found = read_changes(engine, 1, 10)
     assert [(number, order.name, order.state) for number, order in found] == [
         (2, "T-2", "DISPATCHABLE"),
@@ -314,7 +314,7 @@ def test_locks_of_paths_are_replaced_and_read_again(url: str) -> None:
         made = Changes()
         made.path_locks["A --- B"] = locked
         assert made
-        write(engine, made)
+        commit_changes(engine, made)
         assert read_path_locks(engine) == {"A --- B": locked}
 
 
@@ -378,5 +378,5 @@ def test_each_orders_change_has_a_number_of_its_own() -> None:
     for number in (3, 1, 2):
         changes.put_order(dispatchable_order(number=number), None)
 
-    assert changes.numbered(10) == 13
+    assert changes.number_orders(10) == 13
     assert sorted(each.change_number for each in changes.orders.values()) == [11, 12, 13]

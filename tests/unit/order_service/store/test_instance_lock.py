@@ -45,13 +45,13 @@ def test_a_file_that_is_deleted_or_replaced_is_noticed(sqlite_url: str) -> None:
     lock = InstanceLock.take(sqlite_url)
     assert lock is not None
     file = Path(sqlite_url.removeprefix("sqlite:///"))
-    assert lock.loss() == ""
+    assert lock.why_lost() == ""
     kept = file.rename(file.with_suffix(".kept"))
-    assert "deleted" in lock.loss()
+    assert "deleted" in lock.why_lost()
     file.touch()
-    assert "replaced" in lock.loss()
+    assert "replaced" in lock.why_lost()
     kept.rename(file)
-    assert lock.loss() == ""
+    assert lock.why_lost() == ""
     lock.release()
 
 

@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy import Engine, text
 
 from nena_order_service.store import leadership
-from nena_order_service.store.database import Changes, Fence, read_order, write
+from nena_order_service.store.database import Changes, Fence, commit_changes, read_order
 from nena_order_service.store.leadership import Leadership, begin_epoch
 from nena_order_service.store.schema import FencedError, StoreError, open_database
 from nena_order_service.store.store import Store
@@ -25,13 +25,13 @@ from support.waiting import PATIENCE, until
 def test_a_replaced_service_commits_nothing(postgres: Postgres) -> None:
     engine = open_database(postgres.url)
     old = Fence.raise_for(engine, "http://old.example")
-    write(engine, changes((dispatchable_order(number=1), None)), old)
+    commit_changes(engine, changes((dispatchable_order(number=1), None)), old)
     new = Fence.raise_for(engine, "http://new.example")
     assert new.epoch > old.epoch
-    assert new.is_up(engine)
-    assert not old.is_up(engine)
+    assert new.is_current(engine)
+    assert not old.is_current(engine)
     with pytest.raises(FencedError, match="Restart it as standby"):
-        write(engine, changes((dispatchable_order(number=2), None)), old)
+        commit_changes(engine, changes((dispatchable_order(number=2), None)), old)
     assert read_order(engine, name="T-1") is not None
     assert read_order(engine, name="T-2") is None
 
@@ -85,12 +85,12 @@ def test_a_commit_with_a_lost_answer_is_not_repeated(postgres: Postgres) -> None
     engine = open_database(postgres.url)
     fence = Fence.raise_for(engine, "")
     made = changes((dispatchable_order(number=1), None))
-    write(engine, made, fence)
+    commit_changes(engine, made, fence)
     fence.commits -= 1  # as if the connection had ended before the answer came
-    write(engine, made, fence)
-    write(engine, changes((dispatchable_order(number=2), None)), fence)
+    commit_changes(engine, made, fence)
+    commit_changes(engine, changes((dispatchable_order(number=2), None)), fence)
     assert read_order(engine, name="T-2") is not None
-    write(engine, Changes(), fence)
+    commit_changes(engine, Changes(), fence)
     assert fence.commits == 3
 
 

@@ -15,11 +15,11 @@ from nena_order_service.orders.drive import Drive
 from nena_order_service.store import schema
 from nena_order_service.store.database import (
     OrderFilter,
+    commit_changes,
     read_changes,
     read_order,
     read_orders,
     read_unfinished,
-    write,
 )
 from nena_order_service.store.schema import (
     StoreError,
@@ -152,7 +152,7 @@ def test_upgrading_the_store_of_each_release_keeps_its_content(url: str, release
     assert done is not None
     assert [entry.event_code for entry in done.status.history][-1] == "nena:finalStateReached"
     assert (found.last_number, found.last_change) == (5, 5)
-    write(engine, changes((dispatchable_order(number=6), None)))
+    commit_changes(engine, changes((dispatchable_order(number=6), None)))
     assert [number for number, _ in read_changes(engine, 3, 10)] == [4, 5]
 
 
@@ -171,7 +171,7 @@ def test_an_upgrade_keeps_what_makes_room_for_others(url: str) -> None:
 def test_migrating_again_changes_nothing(url: str) -> None:
     engine = open_database(url)
     order = dispatchable_order()
-    write(engine, changes((order, None)))
+    commit_changes(engine, changes((order, None)))
     migrate(engine)
     assert read_order(engine, name=order.name) == order
 
@@ -207,6 +207,6 @@ def test_foreign_tables_in_the_same_database_are_untouched(url: str) -> None:
         connection.execute(text("CREATE TABLE schema_version (version INTEGER)"))
         connection.execute(text("INSERT INTO schema_version VALUES (7)"))
     engine = open_database(url)
-    write(engine, changes((dispatchable_order(), None)))
+    commit_changes(engine, changes((dispatchable_order(), None)))
     with engine.connect() as connection:
         assert connection.execute(text("SELECT version FROM schema_version")).scalar() == 7

@@ -115,16 +115,6 @@ async def test_locked_database_is_waited_for(sqlite_url: str, monkeypatch: pytes
     store.close()
 
 
-async def test_a_change_that_times_out_reports_the_databases_reason(
-    make_store: Callable[[], Store],
-) -> None:
-    store = make_store()
-    assert "in time" in store.why_not_answered
-
-    store.problem = "disk full"
-    assert store.why_not_answered == "disk full"
-
-
 async def test_drain_reports_when_the_store_rejects_writes(make_store: Callable[[], Store]) -> None:
     store = make_store()
     store.commit(change(dispatchable_order()), lambda: None)
@@ -191,26 +181,26 @@ async def test_commits_to_a_deleted_file_are_not_published(
 
 def test_each_change_has_the_next_number_and_all_versions_of_a_step_have_one() -> None:
     numbers = ChangeNumbers()
-    numbers.begin(7)
+    numbers.continue_after(7)
     first = dispatchable_order()
     second = first.deferred(Reason.of("nobody is free"), NOW)
-    numbers.give(changes((second, None)))
-    numbers.give(changes((dispatchable_order(number=2), None)))
+    numbers.number_changes(changes((second, None)))
+    numbers.number_changes(changes((dispatchable_order(number=2), None)))
     third = second.failed(Reason.of("withdrawn"), NOW)
-    numbers.give(changes((third, second)))
+    numbers.number_changes(changes((third, second)))
     assert numbers.last == 10
     versions = [order.status.version for order in (first, second, third)]
     assert numbers.published == 7
-    assert [numbers.of("T-1", version) for version in versions[:2]] == [(8, False), (8, True)]
+    assert [numbers.number_of("T-1", version) for version in versions[:2]] == [(8, False), (8, True)]
     assert numbers.published == 8
-    assert numbers.of("T-2", dispatchable_order().status.version) == (9, True)
-    assert numbers.of("T-1", versions[2]) == (10, True)
+    assert numbers.number_of("T-2", dispatchable_order().status.version) == (9, True)
+    assert numbers.number_of("T-1", versions[2]) == (10, True)
     assert numbers.published == 10
 
 
 def test_unchanged_objects_have_no_change_number() -> None:
     numbers = ChangeNumbers()
-    assert numbers.of("T-1", 3) == (0, False)
-    numbers.give(changes((dispatchable_order(), None)))
-    assert numbers.of("T-1", 99) == (0, False)
+    assert numbers.number_of("T-1", 3) == (0, False)
+    numbers.number_changes(changes((dispatchable_order(), None)))
+    assert numbers.number_of("T-1", 99) == (0, False)
     assert numbers.published == 0

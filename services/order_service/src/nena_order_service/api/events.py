@@ -103,7 +103,7 @@ class EventStream(EventRing[_Event]):
 
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Send an order's new version."""
-        number, is_last = self._numbers.of(status.name, status.version)
+        number, is_last = self._numbers.number_of(status.name, status.version)
         if self.clients:
             frame = _order_frame(status, number if is_last else 0)
             self.add(_Event(status, frame, number, is_last))

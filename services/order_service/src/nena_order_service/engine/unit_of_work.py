@@ -188,7 +188,7 @@ class UnitOfWork:
             async with asyncio.timeout(self._timeout):
                 await answer
         except TimeoutError:
-            raise StoreNotReadyError(self._store.why_not_answered) from None
+            raise StoreNotReadyError(self._store.why_not_ready or "it did not answer in time") from None
 
     def is_published(self, name: str, now: Essentials) -> bool:
         """Return whether this status of a vehicle is published, or is about to be."""

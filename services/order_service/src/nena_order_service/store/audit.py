@@ -61,29 +61,27 @@ class AuditRow:
     result: AuditResult
     reason: str
 
-    def values(self) -> dict[str, object]:
+    def to_columns(self) -> dict[str, object]:
         """Return the values of the table's columns, except those that chain rows."""
-        return {
-            "time": milliseconds(self.time),
-            "user_name": storable(self.user, NAME_LIMIT),
-            "interface": self.interface.value,
-            "client": storable(self.client, 100),
-            "operation": storable(self.operation, NAME_LIMIT),
-            "object_kind": storable(self.object_kind, 50),
-            "object_name": storable(self.object_name, NAME_LIMIT),
-            "request": storable(self._request_text(), TEXT_LIMIT),
-            "state_before": storable(self.before, TEXT_LIMIT),
-            "state_after": storable(self.after, TEXT_LIMIT),
-            "result": self.result.value,
-            "reason": storable(self.reason, TEXT_LIMIT),
-        }
-
-    def _request_text(self) -> str:
         try:
-            return self.request()
+            request = self.request()
         except Exception:  # a request that cannot be shown must not hold up the commit
             log.exception("request not shown in the audit trail", operation=self.operation)
-            return ""
+            request = ""
+        return {
+            "time": milliseconds(self.time),
+            "user_name": storable_text(self.user, NAME_LIMIT),
+            "interface": self.interface.value,
+            "client": storable_text(self.client, 100),
+            "operation": storable_text(self.operation, NAME_LIMIT),
+            "object_kind": storable_text(self.object_kind, 50),
+            "object_name": storable_text(self.object_name, NAME_LIMIT),
+            "request": storable_text(request, TEXT_LIMIT),
+            "state_before": storable_text(self.before, TEXT_LIMIT),
+            "state_after": storable_text(self.after, TEXT_LIMIT),
+            "result": self.result.value,
+            "reason": storable_text(self.reason, TEXT_LIMIT),
+        }
 
 
 FIELDS: Final = {
@@ -93,14 +91,15 @@ FIELDS: Final = {
     "before": "state_before",
     "after": "state_after",
     **{
-        each: each for each in ("sequence", "interface", "client", "operation", "request", "result", "reason")
+        name: name for name in ("sequence", "interface", "client", "operation", "request", "result", "reason")
     },
 }
 """Columns by the names that their fields have in the API, except ``timestamp`` and ``hash``."""
 
 
-def storable(text: str, limit: int) -> str:
+def storable_text(text: str, limit: int) -> str:
     """Return a text that any database can store: without NUL and surrogates, and cut to ``limit``."""
+    # PostgreSQL's text has no NUL, and UTF-8 no lone surrogates; hosts can send both in JSON escapes.
     if len(text) > limit:
         end = f"… ({len(text)} characters)"
         text = text[: limit - len(end)] + end
@@ -112,7 +111,7 @@ def milliseconds(moment: datetime) -> int:
     return (moment - _EPOCH) // _MS
 
 
-def _as_json(values: dict[str, Any]) -> dict[str, object]:
+def _as_json(values: Mapping[str, Any]) -> dict[str, object]:
     """Return a row's values as the fields of the API, without the hash."""
     fields: dict[str, object] = {name: values[column] for name, column in FIELDS.items()}
     return {**fields, "timestamp": iso(_EPOCH + values["time"] * _MS)}
@@ -127,32 +126,31 @@ class AuditChain:
     def __init__(self) -> None:
         self._last: AuditMark | None = None
 
-    def chain(
+    def chain_rows(
         self, connection: sa.Connection, rows: Sequence[Mapping[str, object]]
     ) -> tuple[list[dict[str, object]], AuditMark]:
-        """Return the rows to insert, and the last one; ``rows`` are those of :meth:`AuditRow.values`."""
-        last = self._last or _read_last(connection)
+        """Return the rows to insert, and the last one; ``rows`` are those of :meth:`AuditRow.to_columns`."""
+        last = self._last
+        if last is None:
+            # The document knows the last row written, even if somebody has deleted it from the table.
+            last = read_mark(connection, LAST)
+            table = schema.audit
+            query = sa.select(table.c.sequence, table.c.hash).order_by(table.c.sequence.desc()).limit(1)
+            row = connection.execute(query).first()
+            if row and row.sequence > last.sequence:
+                last = AuditMark(sequence=row.sequence, hash=row.hash)
         chained = []
-        for row in rows:
-            values = {**row, "sequence": last.sequence + 1}
+        for unchained in rows:
+            values = {**unchained, "sequence": last.sequence + 1}
             values["hash"] = hash_after(last.hash, _as_json(values))
             last = AuditMark(sequence=last.sequence + 1, hash=str(values["hash"]))
             chained.append(values)
         self._last = last
         return chained, last
 
-    def forget(self) -> None:
+    def forget_last(self) -> None:
         """Read the last row again before the next commit, because the fate of the last one is unknown."""
         self._last = None
-
-
-def _read_last(connection: sa.Connection) -> AuditMark:
-    """Return the last row written: that of the document, unless the table has a later one."""
-    table = schema.audit
-    noted = read_mark(connection, LAST)
-    query = sa.select(table.c.sequence, table.c.hash).order_by(table.c.sequence.desc()).limit(1)
-    row = connection.execute(query).first()
-    return AuditMark(sequence=row.sequence, hash=row.hash) if row and row.sequence > noted.sequence else noted
 
 
 def read_mark(connection: sa.Connection, key: tuple[str, str]) -> AuditMark:
@@ -176,7 +174,7 @@ def read_page(engine: sa.Engine, wanted: AuditQuery) -> AuditPage:
         (table.c.result, wanted.result and wanted.result.value),
     )
     query = sa.select(table).where(
-        *(column == storable(value, NAME_LIMIT) for column, value in columns if value is not None)
+        *(column == storable_text(value, NAME_LIMIT) for column, value in columns if value is not None)
     )
     if wanted.since is not None:
         query = query.where(table.c.time >= milliseconds(wanted.since))
@@ -186,35 +184,33 @@ def read_page(engine: sa.Engine, wanted: AuditQuery) -> AuditPage:
         after = int(wanted.after)
         query = query.where(table.c.sequence > after if wanted.oldest_first else table.c.sequence < after)
     order = table.c.sequence if wanted.oldest_first else table.c.sequence.desc()
-    with _snapshot_engine(engine).connect() as connection:
+    if engine.dialect.name != "sqlite":
+        # Rows and marks are read as of one moment, otherwise deletion meanwhile looks like a gap.
+        # Transactions of SQLite always do that.
+        engine = engine.execution_options(isolation_level="REPEATABLE READ")
+    with engine.connect() as connection:
         rows = connection.execute(query.order_by(order).limit(wanted.limit + 1)).mappings().all()
         last, deleted = read_mark(connection, LAST), read_mark(connection, DELETED)
-    entries = tuple(_entry_of(dict(row)) for row in rows[: wanted.limit])
+    entries = tuple(
+        AuditEntry.model_validate({**_as_json(row), "hash": row["hash"]}) for row in rows[: wanted.limit]
+    )
     following = str(entries[-1].sequence) if len(rows) > wanted.limit else None
     return AuditPage(entries=entries, next=following, deleted=deleted, last=last)
-
-
-def _snapshot_engine(engine: sa.Engine) -> sa.Engine:
-    """Return the engine with transactions that see one state of the database; those of SQLite always do."""
-    is_sqlite = engine.dialect.name == "sqlite"
-    return engine if is_sqlite else engine.execution_options(isolation_level="REPEATABLE READ")
-
-
-def _entry_of(values: dict[str, Any]) -> AuditEntry:
-    return AuditEntry.model_validate({**_as_json(values), "hash": values["hash"]})
 
 
 def read_expired(engine: sa.Engine, before: datetime) -> AuditMark | None:
     """Return the last of the oldest rows that are from ``before`` this time; None if there is none.
 
-    Only rows before all newer ones count, and at most :data:`DELETED_AT_ONCE`.
+    At most :data:`DELETED_AT_ONCE` rows count.
     """
     table, limit = schema.audit, milliseconds(before)
     query = sa.select(table.c.sequence, table.c.time, table.c.hash).order_by(table.c.sequence)
-    found = None
+    expired = None
     with engine.connect() as connection:
         for row in connection.execute(query.limit(DELETED_AT_ONCE)):
+            # A clock that was set back leaves old rows behind newer ones. They wait for these: the chain may
+            # only lose its beginning.
             if row.time >= limit:
                 break
-            found = AuditMark(sequence=row.sequence, hash=row.hash)
-    return found
+            expired = AuditMark(sequence=row.sequence, hash=row.hash)
+    return expired

@@ -77,14 +77,18 @@ class Changes:
         single = self.orders or self.drives or self.vehicles or self.sequences
         return bool(single or self.path_locks or self.documents or self.audit or self.expired_audit)
 
-    def put_order(self, order: TransportOrder, before: TransportOrder | None) -> None:
-        """Add an order's new version; ``before`` is the previous one, None for a new order."""
-        unchanged = _equal_entries(order, before) if before else 0
+    def put_order(self, order: TransportOrder, previous: TransportOrder | None) -> None:
+        """Add an order's new version; ``previous`` is None for a new order."""
+        unchanged = 0
+        if previous and (old := previous.status.history):
+            # Entries never change; at most the last one is replaced, by a repeated deferral.
+            history, last = order.status.history, len(old) - 1
+            unchanged = len(old) if len(history) > last and history[last] is old[last] else last
         earlier = self.orders.get(order.number)
         if earlier:
             change = OrderChange(order, earlier.new, min(earlier.unchanged_history, unchanged))
         else:
-            change = OrderChange(order, before is None, unchanged)
+            change = OrderChange(order, previous is None, unchanged)
         self.orders[order.number] = change
 
     def merge(self, later: Changes) -> None:
@@ -103,21 +107,12 @@ class Changes:
         self.audit += later.audit
         self.expired_audit = later.expired_audit or self.expired_audit
 
-    def numbered(self, last: int) -> int:
+    def number_orders(self, last: int) -> int:
         """Number each order's change, starting after ``last``; return the last number."""
         for number, change in self.orders.items():
             last += 1
             self.orders[number] = OrderChange(change.order, change.new, change.unchanged_history, last)
         return last
-
-
-def _equal_entries(order: TransportOrder, before: TransportOrder) -> int:
-    """Return how many of the first entries are equal; entries never change, at most the last is replaced."""
-    new, old = order.status.history, before.status.history
-    if not old:
-        return 0
-    last = len(old) - 1
-    return len(old) if len(new) > last and new[last] is old[last] else last
 
 
 DatabaseRow = dict[str, object]
@@ -131,8 +126,17 @@ def _statements_for(name: str) -> Mapping[str, str]:
     Their parameters are named like the tables' columns, also in WHERE.
     """
     orders, history, audit_rows = schema.transport_orders.c, schema.history.c, schema.audit.c
-    inserting, dialect = _dialect_of(name)
-    others: dict[str, sa.BindParameter[Any]] = {
+    inserting: Callable[[sa.Table], Any]
+    dialect: Any
+    if name == "sqlite":
+        inserting, dialect = sqlite.insert, sqlite.dialect(paramstyle="named")
+    else:
+        from sqlalchemy.dialects import postgresql  # noqa: PLC0415 - takes 2 MB
+        from sqlalchemy.dialects.postgresql import psycopg  # noqa: PLC0415
+
+        inserting = postgresql.insert
+        dialect = psycopg.dialect()  # type: ignore[no-untyped-call] # of the library
+    assigned: dict[str, sa.BindParameter[Any]] = {
         column.name: sa.bindparam(column.name) for column in orders if column.name != "number"
     }
     replaced = (
@@ -146,7 +150,7 @@ def _statements_for(name: str) -> Mapping[str, str]:
         "insert transport_orders": sa.insert(schema.transport_orders),
         "update transport_orders": sa.update(schema.transport_orders)
         .where(orders.number == sa.bindparam("number"))
-        .values(others),
+        .values(assigned),
         "insert history": sa.insert(schema.history),
         "delete history": sa.delete(schema.history).where(
             history.order_number == sa.bindparam("order_number"), history.entry >= sa.bindparam("entry")
@@ -154,34 +158,25 @@ def _statements_for(name: str) -> Mapping[str, str]:
         "insert audit": sa.insert(schema.audit),
         "delete audit": sa.delete(schema.audit).where(audit_rows.sequence <= sa.bindparam("sequence")),
         **{f"put {table.name}": _upsert_row(inserting, table) for table in replaced},
-        **{f"delete {table.name}": _delete_row(table) for table in (schema.drives, schema.documents)},
+        **{
+            f"delete {table.name}": sa.delete(table).where(
+                *(column == sa.bindparam(column.name) for column in table.primary_key)
+            )
+            for table in (schema.drives, schema.documents)
+        },
     }
     return {key: str(text.compile(dialect=dialect)) for key, text in texts.items()}
-
-
-def _dialect_of(name: str) -> tuple[Callable[[sa.Table], Any], Any]:
-    """Return the function that creates an INSERT of this dialect, and the dialect with named parameters."""
-    if name == "sqlite":
-        return sqlite.insert, sqlite.dialect(paramstyle="named")
-    from sqlalchemy.dialects import postgresql  # noqa: PLC0415 - takes 2 MB
-    from sqlalchemy.dialects.postgresql import psycopg  # noqa: PLC0415
-
-    return postgresql.insert, psycopg.dialect()  # type: ignore[no-untyped-call] # of the library
 
 
 def _upsert_row(inserting: Callable[[sa.Table], Any], table: sa.Table) -> sa.ClauseElement:
     """Insert a row, or replace the one with the same key."""
     # Both dialects use the same syntax, in classes of their own.
     statement = inserting(table)
-    others = {column.name: statement.excluded[column.name] for column in table.c if not column.primary_key}
-    return statement.on_conflict_do_update(index_elements=list(table.primary_key), set_=others)  # type: ignore[no-any-return]
+    replaced = {column.name: statement.excluded[column.name] for column in table.c if not column.primary_key}
+    return statement.on_conflict_do_update(index_elements=list(table.primary_key), set_=replaced)  # type: ignore[no-any-return]
 
 
-def _delete_row(table: sa.Table) -> sa.ClauseElement:
-    return sa.delete(table).where(*(column == sa.bindparam(column.name) for column in table.primary_key))
-
-
-def equals(column: sa.Column[Any], text: str) -> sa.ColumnElement[bool]:
+def equals_text(column: sa.Column[Any], text: str) -> sa.ColumnElement[bool]:
     """Return a condition for a host's text; with NUL, which PostgreSQL does not accept, nothing matches."""
     return sa.false() if "\0" in text else column == text
 
@@ -254,7 +249,7 @@ def _find_row(
 ) -> Row[Any] | None:
     for column, value in ((table.c.idempotency_key, idempotency_key), (table.c.name, name)):
         if value is not None:
-            row = connection.execute(sa.select(table).where(equals(column, value))).first()
+            row = connection.execute(sa.select(table).where(equals_text(column, value))).first()
             if row:
                 return row
     return None
@@ -267,7 +262,7 @@ def read_sequences(engine: sa.Engine, wanted: SequenceFilter) -> tuple[OrderSequ
     if wanted.finished is not None:
         query = query.where(table.c.finished.is_(wanted.finished))
     if wanted.intended_vehicle is not None:
-        query = query.where(equals(table.c.intended_vehicle, wanted.intended_vehicle))
+        query = query.where(equals_text(table.c.intended_vehicle, wanted.intended_vehicle))
     if wanted.since is not None:
         query = query.where(table.c.number >= read_number_at(engine, wanted.since, table))
     if wanted.until is not None:
@@ -358,6 +353,7 @@ class Fence:
         row = connection.execute(sa.select(schema.leadership).where(LEADERSHIP_ROW).with_for_update()).one()
         if row.epoch != self.epoch:
             raise FencedError
+        # A connection that breaks during COMMIT leaves open whether the database has made it.
         if row.commits > self.commits:
             return False
         connection.execute(
@@ -365,11 +361,11 @@ class Fence:
         )
         return True
 
-    def passed(self) -> None:
+    def count_commit(self) -> None:
         """Note that the commit was made."""
         self.commits += 1
 
-    def is_up(self, engine: sa.Engine) -> bool:
+    def is_current(self, engine: sa.Engine) -> bool:
         """Return whether this epoch is still the current one; raise DBAPIError without a database."""
         with engine.connect() as connection:
             return bool(
@@ -378,7 +374,7 @@ class Fence:
             )
 
 
-def write(
+def commit_changes(
     engine: sa.Engine, changes: Changes, fence: Fence | None = None, chain: AuditChain | None = None
 ) -> None:
     """Commit all changes together; with a fence, each commit is made once, however often it is retried.
@@ -396,15 +392,16 @@ def write(
     try:
         _write_changes(engine, changes, fence, chain)
     except BaseException:
-        chain.forget()
+        # The commit may have been made and only its answer lost: the chain then goes on after its rows.
+        chain.forget_last()
         raise
     if fence:
-        fence.passed()
+        fence.count_commit()
 
 
 def _write_changes(engine: sa.Engine, changes: Changes, fence: Fence | None, chain: AuditChain) -> None:
     # Many long requests take seconds, and PostgreSQL ends transactions that are idle for that long.
-    audited = [row.values() for row in changes.audit]
+    audited = [row.to_columns() for row in changes.audit]
     with engine.begin() as connection:
         if fence and not fence.lets_pass(connection):
             return
@@ -419,7 +416,20 @@ def _write_changes(engine: sa.Engine, changes: Changes, fence: Fence | None, cha
         _replace_rows(connection, schema.drives, drives)
         vehicles = (({"robot": robot}, {"document": text()}) for robot, text in changes.vehicles.items())
         _replace_rows(connection, schema.vehicles, vehicles)
-        _replace_rows(connection, schema.order_sequences, map(_sequence_row, changes.sequences.values()))
+        sequences = (
+            (
+                {"number": sequence.number},
+                {
+                    "name": sequence.name,
+                    "idempotency_key": sequence.idempotency_key,
+                    "finished": sequence.status.finished,
+                    "intended_vehicle": sequence.status.intended_vehicle,
+                    "document": sequence.status.model_dump_json(by_alias=True),
+                },
+            )
+            for sequence in changes.sequences.values()
+        )
+        _replace_rows(connection, schema.order_sequences, sequences)
         locks = (({"path": path}, {"locked": locked}) for path, locked in changes.path_locks.items())
         _replace_rows(connection, schema.path_locks, locks)
         _replace_documents(connection, changes.documents)
@@ -431,7 +441,7 @@ def _write_audit(
 ) -> None:
     marks: dict[tuple[str, str], str | None] = {}
     if new:
-        rows, last = chain.chain(connection, new)
+        rows, last = chain.chain_rows(connection, new)
         _execute_rows(connection, "insert audit", rows)
         marks[audit.LAST] = last.model_dump_json(by_alias=True)
     if expired:
@@ -446,49 +456,33 @@ def _write_orders(connection: sa.Connection, changes: Iterable[OrderChange]) -> 
     replaced: list[DatabaseRow] = []
     entries: list[DatabaseRow] = []
     for change in changes:
-        (new if change.new else changed).append(_order_row(change))
+        order, history = change.order, change.order.status.history
+        (new if change.new else changed).append(
+            {
+                "number": order.number,
+                "name": order.name,
+                "idempotency_key": order.idempotency_key,
+                "state": order.state.value,
+                "intended_vehicle": order.status.intended_vehicle,
+                # The history grows with each event; in rows of its own, only its new entries are written.
+                "document": order.status.model_dump_json(by_alias=True, exclude={"history"}),
+                "change_number": change.change_number,
+            }
+        )
         if not change.new:
-            replaced.append({"order_number": change.order.number, "entry": change.unchanged_history})
-        entries.extend(_history_rows(change))
+            replaced.append({"order_number": order.number, "entry": change.unchanged_history})
+        entries.extend(
+            {
+                "order_number": order.number,
+                "entry": index,
+                "document": history[index].model_dump_json(by_alias=True),
+            }
+            for index in range(change.unchanged_history, len(history))
+        )
     _execute_rows(connection, "insert transport_orders", new)
     _execute_rows(connection, "update transport_orders", changed)
     _execute_rows(connection, "delete history", replaced)
     _execute_rows(connection, "insert history", entries)
-
-
-def _sequence_row(sequence: OrderSequence) -> tuple[DatabaseRow, DatabaseRow]:
-    return {"number": sequence.number}, {
-        "name": sequence.name,
-        "idempotency_key": sequence.idempotency_key,
-        "finished": sequence.status.finished,
-        "intended_vehicle": sequence.status.intended_vehicle,
-        "document": sequence.status.model_dump_json(by_alias=True),
-    }
-
-
-def _order_row(change: OrderChange) -> DatabaseRow:
-    order = change.order
-    return {
-        "number": order.number,
-        "name": order.name,
-        "idempotency_key": order.idempotency_key,
-        "state": order.state.value,
-        "intended_vehicle": order.status.intended_vehicle,
-        "document": order.status.model_dump_json(by_alias=True, exclude={"history"}),
-        "change_number": change.change_number,
-    }
-
-
-def _history_rows(change: OrderChange) -> list[DatabaseRow]:
-    entries = change.order.status.history
-    return [
-        {
-            "order_number": change.order.number,
-            "entry": index,
-            "document": entries[index].model_dump_json(by_alias=True),
-        }
-        for index in range(change.unchanged_history, len(entries))
-    ]
 
 
 def read_unfinished(engine: sa.Engine) -> Unfinished:
@@ -555,7 +549,7 @@ def read_orders(engine: sa.Engine, wanted: OrderFilter) -> tuple[TransportOrder,
     if wanted.states:
         query = query.where(orders.c.state.in_([state.value for state in wanted.states]))
     if wanted.intended_vehicle is not None:
-        query = query.where(equals(orders.c.intended_vehicle, wanted.intended_vehicle))
+        query = query.where(equals_text(orders.c.intended_vehicle, wanted.intended_vehicle))
     if wanted.before is not None:
         query = query.where(orders.c.number < wanted.before)
     if wanted.first:
@@ -575,34 +569,30 @@ def read_number_at(engine: sa.Engine, moment: datetime, objects: sa.Table = sche
     with engine.connect() as connection:
         last: int | None = connection.execute(sa.select(sa.func.max(objects.c.number))).scalar()
         low, high = 0, 0 if last is None else last + 1
-        found = high
+        number = high
         while low < high:
             middle = (low + high) // 2
             query = sa.select(objects.c.number, objects.c.document).where(objects.c.number >= middle)
             row = connection.execute(query.order_by(objects.c.number).limit(1)).first()
-            if row is None or _created_in(row.document) >= moment:
-                found, high = row.number if row else found, middle
+            if row is None or datetime.fromisoformat(from_json(row.document)["created"]) >= moment:
+                number, high = row.number if row else number, middle
             else:
                 low = row.number + 1
-    return found
+    return number
 
 
-def _created_in(document: str) -> datetime:
-    return datetime.fromisoformat(from_json(document)["created"])
-
-
-def read_changes(engine: sa.Engine, after: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
-    """Return each order changed since change number ``after``, with the number of its last change.
+def read_changes(engine: sa.Engine, last: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
+    """Return each order changed since change number ``last``, with the number of its last change.
 
     The oldest change comes first. An order that has changed several times is returned once, as it is now.
     """
-    orders = schema.transport_orders
-    number = orders.c.change_number
-    query = sa.select(orders).where(number > after).order_by(number).limit(limit)
+    table = schema.transport_orders
+    number = table.c.change_number
+    query = sa.select(table).where(number > last).order_by(number).limit(limit)
     with engine.connect() as connection:
         rows = connection.execute(query).all()
-        found = _read_orders(connection, rows)
-    return tuple((row.change_number, order) for row, order in zip(rows, found, strict=True))
+        orders = _read_orders(connection, rows)
+    return tuple((row.change_number, order) for row, order in zip(rows, orders, strict=True))
 
 
 def _read_orders(connection: sa.Connection, rows: Sequence[Row[Any]]) -> tuple[TransportOrder, ...]:

@@ -48,7 +48,8 @@ class InstanceLock:
         if parsed.database in (None, "", ":memory:"):
             message = "store.url names no file, so orders would be lost. Set a file: sqlite:///orders.db"
             raise StoreError(message)
-        path = _path_of(str(parsed.database))
+        database = str(parsed.database)
+        path = Path(urlsplit(database).path if database.startswith("file:") else database)
         try:
             return cls(path)
         except BlockingIOError as error:
@@ -58,7 +59,7 @@ class InstanceLock:
             message = f"cannot open {path}: {error.strerror}. Set store.url to a writable file"
             raise StoreError(message) from error
 
-    def loss(self) -> str:
+    def why_lost(self) -> str:
         """Return why the path no longer leads to the opened file; empty while it does."""
         try:
             present = self._path.stat()
@@ -73,7 +74,3 @@ class InstanceLock:
     def release(self) -> None:
         """Release the lock."""
         os.close(self._file)
-
-
-def _path_of(database: str) -> Path:
-    return Path(urlsplit(database).path if database.startswith("file:") else database)

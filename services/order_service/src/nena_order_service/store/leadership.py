@@ -176,7 +176,14 @@ class Leadership:
         """
         try:
             while True:
-                await self._watch_lock(store)
+                # Wait until the lock is lost; while the database hangs, accept no orders.
+                while not self._renewing.done():
+                    await asyncio.wait((self._renewing,), timeout=POLL)
+                    late = self.lease.age > HANG_SECONDS
+                    if late and not store.lead_problem:
+                        log.warning(NOT_ANSWERED, seconds=HANG_SECONDS)
+                    store.lead_problem = NOT_ANSWERED if late else ""
+                await self._renewing
                 await self._win_again(store, engine, fence)
         finally:
             self.lease.end()
@@ -219,16 +226,6 @@ class Leadership:
         self.problem = ""
         return won
 
-    async def _watch_lock(self, store: Store) -> None:
-        """Wait until the lock is lost; while the database hangs, accept no orders."""
-        while not self._renewing.done():
-            await asyncio.wait((self._renewing,), timeout=POLL)
-            late = self.lease.age > HANG_SECONDS
-            if late and not store.lead_problem:
-                log.warning(NOT_ANSWERED, seconds=HANG_SECONDS)
-            store.lead_problem = NOT_ANSWERED if late else ""
-        await self._renewing
-
     async def _win_again(self, store: Store, engine: sa.Engine, fence: Fence) -> None:
         log.warning("connection of the instance lock lost; taking the lock again")
         store.lead_problem = "the connection to the database was lost"
@@ -236,7 +233,8 @@ class Leadership:
         while not won:
             try:
                 won = await self._run_in_thread(self._take_lock)
-                if not await self._run_in_thread(lambda: fence.is_up(engine)):
+                # The lock may be free again although another program had it meanwhile: the epoch tells.
+                if not await self._run_in_thread(lambda: fence.is_current(engine)):
                     raise FencedError
             except DBAPIError as error:
                 won, store.lead_problem = False, reason_of(error)
@@ -266,6 +264,7 @@ class Leadership:
         self.lease.end()
 
     def _take_lock(self) -> bool:
+        # Without waiting: a waiting query would occupy the thread, and the server's timeout would end it.
         return bool(self._ask_database(_TAKE, lock_class=LOCK_CLASS))
 
     def _read_active_url(self) -> str:
@@ -317,10 +316,10 @@ def store_id(engine: sa.Engine) -> str:
     own = (documents.c.kind == STORE_ID, documents.c.name == "")
     try:
         with engine.begin() as connection:
-            found = connection.execute(sa.select(documents.c.document).where(*own)).scalar()
-            if found is None:
-                found = token_hex(8)
-                connection.execute(sa.insert(documents).values(kind=STORE_ID, name="", document=found))
+            identifier = connection.execute(sa.select(documents.c.document).where(*own)).scalar()
+            if identifier is None:
+                identifier = token_hex(8)
+                connection.execute(sa.insert(documents).values(kind=STORE_ID, name="", document=identifier))
     except DBAPIError:
         return token_hex(8)
-    return str(found)
+    return str(identifier)

@@ -175,7 +175,9 @@ def migrate(engine: sa.Engine) -> None:
         SQLAlchemyError: the database rejects the change.
     """
     with engine.begin() as connection:
-        revision = _read_revision(connection)
+        revision = None
+        if sa.inspect(connection).has_table(VERSION_TABLE):
+            revision = connection.execute(sa.select(_version.c.version_num)).scalar()
         if revision == REVISION:
             return
         if revision is None:
@@ -193,12 +195,6 @@ def migrate(engine: sa.Engine) -> None:
             )
             raise StoreError(message)
         log.info("store migrated", before=revision, now=REVISION)
-
-
-def _read_revision(connection: sa.Connection) -> str | None:
-    if not sa.inspect(connection).has_table(VERSION_TABLE):
-        return None
-    return connection.execute(sa.select(_version.c.version_num)).scalar()
 
 
 def _sent_orders_to_drives(connection: sa.Connection) -> None:
@@ -305,10 +301,10 @@ def make_engine(url: str, *, pooled: bool = True) -> sa.Engine:
         if parsed.get_backend_name() == "sqlite":
             engine = sa.create_engine(parsed, poolclass=pool)
             sa.event.listen(engine, "connect", _set_up_sqlite)
-            sa.event.listen(engine, "begin", _begin_transaction)
+            sa.event.listen(engine, "begin", lambda connection: connection.exec_driver_sql("BEGIN"))
             return engine
-        given = {name: value for name, value in TIMEOUTS.items() if name not in parsed.query}
-        engine = sa.create_engine(parsed, poolclass=pool, connect_args=given)
+        timeouts = {name: value for name, value in TIMEOUTS.items() if name not in parsed.query}
+        engine = sa.create_engine(parsed, poolclass=pool, connect_args=timeouts)
         sa.event.listen(engine, "connect", lambda connection, _: register_connection(engine, connection))
     except ImportError as error:
         message = f"{error}; install the extra nena-order-service[postgresql]"
@@ -338,13 +334,12 @@ def reason_of(error: exc.DBAPIError) -> str:
 
 
 def _set_up_sqlite(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
-    # The driver begins transactions itself, but not before DDL, so this is turned off.
+    # The driver begins transactions itself, but not before DDL, so this is turned off: a migration that
+    # fails halfway must leave the tables as they were.
     connection.isolation_level = None
     cursor = connection.cursor()
+    # In WAL mode, readers do not wait for the writer. NORMAL instead of FULL would lose the last commits
+    # when the power fails.
     for setting in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=5000"):
         cursor.execute(f"PRAGMA {setting}")
     cursor.close()
-
-
-def _begin_transaction(connection: sa.Connection) -> None:
-    connection.exec_driver_sql("BEGIN")

@@ -55,19 +55,19 @@ class ChangeNumbers:
         self._unpublished: dict[str, deque[tuple[int, int]]] = {}
         """Unpublished versions and their numbers, by order name."""
 
-    def give(self, changes: Changes) -> None:
+    def number_changes(self, changes: Changes) -> None:
         """Number the changes of a unit of work."""
-        self.last = changes.numbered(self.last)
+        self.last = changes.number_orders(self.last)
         for change in changes.orders.values():
             order = change.order
             versions = self._unpublished.setdefault(order.name, deque())
             versions.append((order.status.version, change.change_number))
 
-    def begin(self, last: int) -> None:
+    def continue_after(self, last: int) -> None:
         """Continue after the last number of the store."""
         self.last = self.published = last
 
-    def of(self, name: str, version: int) -> tuple[int, bool]:
+    def number_of(self, name: str, version: int) -> tuple[int, bool]:
         """Return the number of a version to publish now, and whether it is the last version of its change.
 
         Versions are published in order. The number is 0 for a version that is published without a change.
@@ -110,8 +110,8 @@ class Store:
         self._fence = fence
         self._writer = ThreadPoolExecutor(1, thread_name_prefix="store writer")
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="store reader")
+        # Queries of the trail may scan millions of rows, and creating an order reads the store.
         self._audit_reader = ThreadPoolExecutor(1, thread_name_prefix="audit reader")
-        # Its queries may scan millions of rows, and creating an order reads the store.
         self._changes = Changes()
         self._then: list[Callable[[], None]] = []
         self._wake = asyncio.Event()
@@ -137,11 +137,6 @@ class Store:
         return self._why_file_is_lost() or self.problem or self.lead_problem or full
 
     @property
-    def why_not_answered(self) -> str:
-        """Why a change was not committed in time."""
-        return self.why_not_ready or "it did not answer in time"
-
-    @property
     def waiting(self) -> int:
         """Number of units of work that wait to be committed."""
         return len(self._then)
@@ -159,7 +154,7 @@ class Store:
         if not changes and not self._writing and not self._then:
             then()
             return
-        self.numbers.give(changes)
+        self.numbers.number_changes(changes)
         self._changes.merge(changes)
         self._then.append(then)
         self._wake.set()
@@ -202,9 +197,9 @@ class Store:
 
     async def unfinished(self) -> Unfinished:
         """Return everything that a restart restores."""
-        found = await self._read_from_store(lambda: database.read_unfinished(self._engine))
-        self.numbers.begin(found.last_change)
-        return found
+        unfinished = await self._read_from_store(lambda: database.read_unfinished(self._engine))
+        self.numbers.continue_after(unfinished.last_change)
+        return unfinished
 
     async def order(
         self, *, name: str | None = None, idempotency_key: str | None = None
@@ -246,10 +241,10 @@ class Store:
         """Read a page of the audit trail."""
         return await self._read_from_store(lambda: audit.read_page(self._engine, wanted), self._audit_reader)
 
-    async def expired_audit(self, before: datetime) -> AuditMark | None:
-        """Read the last of the oldest rows of the audit trail that are from ``before`` this time."""
+    async def expired_audit(self, limit: datetime) -> AuditMark | None:
+        """Read the last of the oldest rows of the audit trail that are from before ``limit``."""
         return await self._read_from_store(
-            lambda: audit.read_expired(self._engine, before), self._audit_reader
+            lambda: audit.read_expired(self._engine, limit), self._audit_reader
         )
 
     async def changes_after(self, number: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
@@ -257,8 +252,17 @@ class Store:
         return await self._read_from_store(lambda: database.read_changes(self._engine, number, limit))
 
     async def _read_from_store(self, work: Callable[[], T], reader: ThreadPoolExecutor | None = None) -> T:
+        def work_with_retry() -> T:
+            try:
+                return work()
+            except TRANSIENT_ERRORS as error:
+                # A server that was restarted ends the pooled connection; the next attempt opens another.
+                if not error.connection_invalidated:
+                    raise
+            return work()
+
         try:
-            return await asyncio.get_running_loop().run_in_executor(reader or self._reader, _with_retry(work))
+            return await asyncio.get_running_loop().run_in_executor(reader or self._reader, work_with_retry)
         except TRANSIENT_ERRORS as error:
             raise StoreNotReadyError(reason_of(error)) from error
 
@@ -275,7 +279,10 @@ class Store:
             for publish in then:
                 if self._loss:
                     break  # what is not published yet is lost with the database file
-                self._publish_changes(publish)
+                try:
+                    publish()
+                except Exception as error:  # noqa: BLE001 - it is reported
+                    report_failure("a committed change was not published", error)
         finally:
             self._writing = False
 
@@ -285,7 +292,7 @@ class Store:
             try:
                 with self.commit_seconds.timed():
                     await loop.run_in_executor(
-                        self._writer, database.write, self._engine, changes, self._fence, self._chain
+                        self._writer, database.commit_changes, self._engine, changes, self._fence, self._chain
                     )
             except TRANSIENT_ERRORS as error:
                 self.failures += 1
@@ -298,12 +305,13 @@ class Store:
 
     def _why_file_is_lost(self) -> str:
         """Check the database file; return why it is no longer the one that was opened, empty if it is."""
-        if not self._loss and self._lock and (loss := self._lock.loss()):
+        if not self._loss and self._lock and (loss := self._lock.why_lost()):
             log.critical("accepting no more orders; the order service exits", reason=loss)
             self._loss = loss
             self._wake.set()
-            for answer in [each for each in self._answers if not each.done()]:
-                answer.set_exception(StoreNotReadyError(loss))
+            for answer in list(self._answers):
+                if not answer.done():
+                    answer.set_exception(StoreNotReadyError(loss))
         return self._loss
 
     def _set_problem(self, problem: str) -> None:
@@ -312,24 +320,3 @@ class Store:
         if self.problem and not problem:
             log.info("database available again")
         self.problem = problem
-
-    @staticmethod
-    def _publish_changes(then: Callable[[], None]) -> None:
-        try:
-            then()
-        except Exception as error:  # noqa: BLE001 - it is reported
-            report_failure("a committed change was not published", error)
-
-
-def _with_retry(work: Callable[[], T]) -> Callable[[], T]:
-    """Return ``work`` with one retry if the connection has ended since its last use."""
-
-    def tried() -> T:
-        try:
-            return work()
-        except TRANSIENT_ERRORS as error:
-            if not error.connection_invalidated:
-                raise
-        return work()
-
-    return tried
