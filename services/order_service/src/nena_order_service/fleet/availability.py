@@ -64,7 +64,7 @@ def why_unfit(state: State, *, placed: bool) -> Reason | None:
 def is_lost(state: State, *, placed: bool) -> bool:
     """Return whether a robot is not localised; ``placed`` as for :func:`why_unfit`."""
     position = state.mobile_robot_position
-    # After a start, states arrive before the localisation has reported its first pose (Nav2: AMCL).
+    # Nav2's AMCL gives no pose before it has an initial one, so states without a position come first.
     return placed if position is None else not position.localized
 
 

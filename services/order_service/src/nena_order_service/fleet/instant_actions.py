@@ -113,7 +113,7 @@ class InstantRun:
     def on_tick(self, now: float, unreadable: Reason | None = None) -> None:
         """Time out the action on a reachable robot; ``unreadable``: why its states cannot be used."""
         if self._seen_at is None and self._delivery.has_failed(now):
-            # 6.2.3: a robot that wakes from hibernation reports nothing until it is back.
+            # 6.5: a hibernating robot sends no states, so it reports nothing until it has woken.
             limit, since = self._settings.instant_action_limit, self._first_sent_at
             if self.action.action_type == STOP_HIBERNATION and since is not None and now - since < limit:
                 return

@@ -324,7 +324,7 @@ class OrderExecution:
 
     def why_unfinished_at_end(self, state: State) -> Reason | None:
         """Return, as a predicate, why the order of a robot at its last node is not finished, or None."""
-        # 6.6.2: both lists are empty at the end. Some robots keep the last node, see the property named
+        # 6.6.8: both lists are empty at the end. Some robots keep the last node, see the property named
         # below.
         last = self.vda_order.nodes[-1]
         at_end = (state.last_node_id, state.last_node_sequence_id) == (last.node_id, last.sequence_id)
@@ -437,7 +437,7 @@ class OrderExecution:
         name = next(
             action.action_type for action in self.vda_order.actions if action.action_id == first.action_id
         )
-        # 6.6.9: actions of an order that ends early become FAILED without having begun.
+        # 6.6.7: actions of an order that is cleared early become FAILED without having begun.
         at_end = read_progress(state, self.vda_order).at_end
         kind = FailureKind.ACTION if at_end else FailureKind.DRIVE
         return self._failure_of(kind, Reason(R.ACTION_FAILED, action=name), (*filter(None, own), *reported))

@@ -133,36 +133,30 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
         if last is None:
             raise NotLocatedError(Reason(R.NO_POSE))
         return Standing(last.name, on_point=True, pose=None)
+    # VDA 5050 allows neither NaN nor infinity, and no distance to them can be compared.
     if not (isfinite(pose.x) and isfinite(pose.y) and isfinite(pose.theta)):
         raise NotLocatedError(Reason(R.INVALID_POSITION, x=str(pose.x), y=str(pose.y)))
     if not profile.knows_frame(pose.map_id):
         raise NotLocatedError(Reason(R.UNKNOWN_FRAME))
     here = profile.on(pose.map_id).to_plant(MapPlace(pose.x, pose.y))
-    if last and _is_on_map(last, pose, profile) and _distance_to(last, here) <= profile.deviation_xy:
+    on_its_map = last is not None and (last.map_id or profile.map_id) == pose.map_id
+    if last and on_its_map and _distance_to(last, here) <= profile.deviation_xy:
         return Standing(last.name, on_point=True, pose=pose)
-    nearest = _nearest_point(plant, here, pose.map_id, profile)
+    # The plant indexes points without a map under None: they are on the robot's own map.
+    maps = (pose.map_id or None, None) if pose.map_id == profile.map_id else (pose.map_id,)
+    indices = (plant.points_by_map.get(name) for name in dict.fromkeys(maps))
+    candidates = (index.nearest(here.x_m, here.y_m) for index in indices if index)
+    nearest = min(filter(None, candidates), key=lambda point: _distance_to(point, here), default=None)
     if nearest is None:
         raise NotLocatedError(
             Reason(R.OTHER_MAP, map=pose.map_id, own=profile.map_id) if plant.points else Reason(R.NO_POINTS)
         )
     distance = _distance_to(nearest, here)
-    at_coordinate = state.last_node_id.startswith(GOAL_PREFIX)  # an order may send it far from all points
+    # An order may have sent it to a coordinate, however far from all points.
+    at_coordinate = state.last_node_id.startswith(GOAL_PREFIX)
     if distance > profile.max_distance_m and not at_coordinate:
         raise TooFarError(distance, nearest, last)
     return Standing(nearest.name, distance <= profile.deviation_xy, pose, distance)
-
-
-def _nearest_point(plant: PlantModel, here: PlantPlace, map_id: str, profile: RobotProfile) -> Point | None:
-    """Return the nearest point of a map; points without a map are on the robot's map."""
-    maps = (map_id or None, None) if map_id == profile.map_id else (map_id,)
-    indices = (plant.points_by_map.get(name) for name in dict.fromkeys(maps))
-    candidates = (index.nearest(here.x_m, here.y_m) for index in indices if index)
-    return min(filter(None, candidates), key=lambda point: _distance_to(point, here), default=None)
-
-
-def _is_on_map(point: Point, pose: MobileRobotPosition, profile: RobotProfile) -> bool:
-    """Return whether the point is on the robot's current map."""
-    return (point.map_id or profile.map_id) == pose.map_id
 
 
 def _distance_to(point: Point, here: PlantPlace) -> float:

@@ -75,9 +75,21 @@ class FleetStatistics:
         """Count a message to a robot."""
         self.sent[topic] += 1
         if isinstance(output, outputs.PublishOrder):
-            self._note_order(output, now)
+            delivery = self._deliveries.get(output.vda_order.order_id)
+            if delivery is None:
+                return
+            # A robot that has accepted it before a restart would show a sending without a decision.
+            if delivery.sent is None and delivery.accepted is None:
+                delivery.sent = now
+                self.sending.observe(now - delivery.begun)
+            self.resent[Topic.ORDER] += output.order_update_id == delivery.update_id
+            delivery.update_id = output.order_update_id
         elif isinstance(output, outputs.PublishInstantActions):
-            self._note_actions(output)
+            ids = [action.action_id for action in output.actions]
+            self.resent[Topic.INSTANT_ACTIONS] += any(action_id in self._actions for action_id in ids)
+            self._actions.update(dict.fromkeys(ids))
+            while len(self._actions) > ACTIONS_REMEMBERED:
+                self._actions.popitem(last=False)
 
     def happened(self, event: outputs.FleetOutput, now: float) -> None:
         """Count an event of the core."""
@@ -106,20 +118,3 @@ class FleetStatistics:
                 self._deliveries.pop(order_id, None)
             case _:
                 pass
-
-    def _note_order(self, output: outputs.PublishOrder, now: float) -> None:
-        delivery = self._deliveries.get(output.vda_order.order_id)
-        if delivery is None:
-            return
-        if delivery.sent is None and delivery.accepted is None:
-            delivery.sent = now
-            self.sending.observe(now - delivery.begun)
-        self.resent[Topic.ORDER] += output.order_update_id == delivery.update_id
-        delivery.update_id = output.order_update_id
-
-    def _note_actions(self, output: outputs.PublishInstantActions) -> None:
-        ids = [action.action_id for action in output.actions]
-        self.resent[Topic.INSTANT_ACTIONS] += any(action_id in self._actions for action_id in ids)
-        self._actions.update(dict.fromkeys(ids))
-        while len(self._actions) > ACTIONS_REMEMBERED:
-            self._actions.popitem(last=False)

@@ -13,7 +13,6 @@ from nena_plant_formats.lif.checks import SAME_PLACE_M
 from nena_plant_formats.lif.mobile_robots import json_value
 from nena_shared.plant import (
     DirectedEdge,
-    MapPlace,
     MapTransform,
     PlantModel,
     PlantPlace,
@@ -54,6 +53,7 @@ class TypeRules:
 
     def along(self, edge: DirectedEdge) -> track.VehicleTypeOnPath | None:
         """Return the rule for the vehicle on an edge, or None."""
+        # LIF rules a direction, not a path: backwards, none of what is said of this edge holds.
         return self._common_use(edge.path.vehicle_types) if edge.is_forward else None
 
     def _common_use(self, uses: Iterable[Use]) -> Use | None:
@@ -85,7 +85,7 @@ def edge_fields(
         rule, end = rules.along(edge), plant.point(edge.destination)
         wanted = required_heading(rules.at(end), end) if number == len(edges) else None
         if rule is None:
-            heading = None
+            heading = None  # it may have turned on the way
             yield {}
             continue
         tangents = _tangents_of(edge, rule, plant)
@@ -163,7 +163,19 @@ def _edge_fields(
     corridor_width: float | None,
 ) -> dict[str, object]:
     """Return the fields of an edge for which the rule has values."""
-    guidance = rule.line_guidance
+    guidance, corridor = rule.line_guidance, None
+    if rule.corridor and corridor_width != 0:  # 0: the vehicle may not leave the trajectory at all
+        widths = (rule.corridor.maximum_left_width, rule.corridor.maximum_right_width)
+        left, right = (
+            transform.length_to_map(width if corridor_width is None else min(width, corridor_width))
+            for width in widths
+        )
+        reference = rule.corridor.corridor_reference_point
+        corridor = vda.Corridor(
+            left_width=left,
+            right_width=right,
+            corridor_reference_point=vda.CorridorReferencePoint(reference) if reference else None,
+        )
     fields: dict[str, object] = {
         "reach_orientation_before_entering": not rule.rotation_allowed,
         "maximum_rotation_speed": rule.max_rotation_speed,
@@ -171,9 +183,10 @@ def _edge_fields(
         "maximum_mobile_robot_height": _not_negative(rule.max_height),
         "direction": guidance.direction if guidance else None,
         "length": transform.length_to_map(guidance.length) if guidance and guidance.length else None,
-        "corridor": _make_corridor(rule.corridor, transform, corridor_width),
+        "corridor": corridor,
     }
     if orientation is not None:
+        # 7.3: a tangential orientation is relative to the path, so the map's rotation does not touch it.
         absolute = rule.orientation_type is track.PathOrientationType.GLOBAL
         heading = transform.heading_to_map(orientation) if absolute else orientation
         fields |= {
@@ -187,20 +200,6 @@ def _not_negative(height: float | None) -> float | None:
     return None if height is None or height < 0 else height
 
 
-def _make_corridor(
-    corridor: track.PathCorridor | None, transform: MapTransform, width: float | None
-) -> vda.Corridor | None:
-    if corridor is None or width == 0:
-        return None
-    left, right = corridor.maximum_left_width, corridor.maximum_right_width
-    reference = corridor.corridor_reference_point
-    return vda.Corridor(
-        left_width=transform.length_to_map(left if width is None else min(left, width)),
-        right_width=transform.length_to_map(right if width is None else min(right, width)),
-        corridor_reference_point=vda.CorridorReferencePoint(reference) if reference else None,
-    )
-
-
 def _make_trajectory(
     trajectory: track.PathTrajectory | None, ends: tuple[Point, Point], transform: MapTransform
 ) -> vda.Trajectory | None:
@@ -208,22 +207,19 @@ def _make_trajectory(
     if trajectory is None or curve.fault(trajectory):
         return None
     trajectory = curve.scaled(trajectory)
+    # VDA 5050 3.0, 7.3: control points include both ends, so a curve that misses its nodes contradicts them.
     for (x, y), point in zip(curve.places(trajectory, 1), ends, strict=True):
         if hypot(x - point.x_m, y - point.y_m) > SAME_PLACE_M:
             return None
-    places = (
-        (transform.to_map(PlantPlace(control_point.x, control_point.y)), control_point.weight)
-        for control_point in trajectory.control_points
-    )
+    control_points = []
+    for control_point in trajectory.control_points:
+        place = transform.to_map(PlantPlace(control_point.x, control_point.y))
+        control_points.append(vda.ControlPoint(x=place.x_m, y=place.y_m, weight=control_point.weight))
     return vda.Trajectory(
         degree=trajectory.degree,
         knot_vector=trajectory.knot_vector,
-        control_points=tuple(_control_point(place, weight) for place, weight in places),
+        control_points=tuple(control_points),
     )
-
-
-def _control_point(place: MapPlace, weight: float) -> vda.ControlPoint:
-    return vda.ControlPoint(x=place.x_m, y=place.y_m, weight=weight)
 
 
 def required_actions(

@@ -429,7 +429,7 @@ def with_other_horizon(held: VdaOrder, base_end: int, tail: VdaOrder) -> VdaOrde
     if tail.nodes[0].node_id != held.nodes[base_end].node_id or not tail.edges:
         message = f"the new route does not continue from node {held.nodes[base_end].node_id!r}"
         raise ValueError(message)
-    # A robot may still list the actions of the horizon that it was sent before (6.6.9).
+    # 2.1 lets a robot keep listing the actions of a dropped horizon; 3.0 forbids it (6.6.9.1).
     if tail.action_ids & held.action_ids:
         message = "action IDs of the old horizon are reused"
         raise ValueError(message)

@@ -68,7 +68,7 @@ class ReleaseManager:
 
     def on_state(self, robot: RobotKey, state: State) -> None:
         """Update a robot's requests from its state (section 6.9)."""
-        # 6.9: a corridor of the horizon is not answered before its edge is released.
+        # 6.6.10: a corridor is never released outside the base, so its request waits for its edge.
         horizon = {edge.sequence_id for edge in state.edge_states if not edge.released}
         corridors = (edge for edge in state.edge_requests or () if edge.sequence_id not in horizon)
         answerable: list[Request] = [*(state.zone_requests or ()), *corridors]
@@ -125,8 +125,8 @@ class ReleaseManager:
     def _is_due(self, claim: _Claim, wanted: GrantType, now: float) -> bool:
         """Return whether to send the answer: it is new, the robot does not show it, or its lease runs out."""
         if claim.shows(wanted):
-            # 6.9: a release that expires inside makes the robot leave or stop. Renewed at half of the lease,
-            # it survives a lost answer. After a restart the lease is unknown, and may be about to run out.
+            # 6.9: a robot whose lease expires inside stops or leaves, by its releaseLossBehavior. Renewed at
+            # half, a lease survives a lost answer. After a restart it is unknown, and may soon run out.
             lease, until = self.settings.release_lease, claim.lease_until
             renews = lease > 0 and (until is None or now >= until - lease / 2)
             return wanted is GrantType.GRANTED and renews

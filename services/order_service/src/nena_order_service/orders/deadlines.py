@@ -39,7 +39,11 @@ class DueTimes:
         self._times[number] = time
         heappush(self._queue, (time, number))
         if len(self._queue) >= self._sweep_at:
-            self._drop_passed()
+            # Replaced entries stay in a heap until they come up, and ended orders are never reported.
+            self._times = {number: time for number, time in self._times.items() if not self._is_over(number)}
+            self._queue = [(time, number) for number, time in self._times.items()]
+            heapify(self._queue)
+            self._sweep_at = max(FIRST_SWEEP, 2 * len(self._queue))
 
     def take(self, now: datetime) -> list[int]:
         """Remove and return the numbers of the orders that are due, once each; some may have ended."""
@@ -50,12 +54,6 @@ class DueTimes:
                 del self._times[number]
                 due.append(number)
         return due
-
-    def _drop_passed(self) -> None:
-        self._times = {number: time for number, time in self._times.items() if not self._is_over(number)}
-        self._queue = [(time, number) for number, time in self._times.items()]
-        heapify(self._queue)
-        self._sweep_at = max(FIRST_SWEEP, 2 * len(self._queue))
 
 
 def deadline_of(order: TransportOrder) -> datetime | None:

@@ -150,17 +150,14 @@ class OrderSequence:
         if event:
             history = (*history, HistoryEntry(timestamp=now, event_code=event, supplements=supplements))
         update = {**changes, "version": self.status.version + 1, "history": history}
-        status = _finished_if_done(self.status.model_copy(update=update), now)
+        status = self.status.model_copy(update=update)
+        # Only now: hosts may mark it complete before or after its last order has ended.
+        if status.complete and status.finished_index + 1 == len(status.orders):
+            end = HistoryEntry(timestamp=now, event_code=SequenceEvent.SEQUENCE_FINISHED)
+            update = {"finished": True, "finished_time": now, "history": (*history, end)}
+            status = status.model_copy(update=update)
         status = status.model_copy(update={"reason": _in_words(status)})
         return type(self)(self.number, status, self.idempotency_key)
-
-
-def _finished_if_done(status: OrderSequenceStatus, now: datetime) -> OrderSequenceStatus:
-    if not status.complete or status.finished_index + 1 < len(status.orders):
-        return status
-    entry = HistoryEntry(timestamp=now, event_code=SequenceEvent.SEQUENCE_FINISHED)
-    update = {"finished": True, "finished_time": now, "history": (*status.history, entry)}
-    return status.model_copy(update=update)
 
 
 def _in_words(status: OrderSequenceStatus) -> str:

@@ -16,7 +16,7 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderRequest,
     TransportOrderStatus,
 )
-from nena_shared.plant import NO_OPERATION, Link, Location, PlantModel
+from nena_shared.plant import NO_OPERATION, PlantModel
 
 R = ReasonCode
 
@@ -52,13 +52,13 @@ class InvalidRequestError(Exception):
 
 def check_request(request: TransportOrderRequest, plant: PlantModel, vehicles: Collection[str]) -> None:
     """Raise InvalidRequestError with all errors of ``request``; ``vehicles`` are the known ones."""
-    _raise_if_any(
-        [
-            *_check_destinations(request.destinations, plant, new=True),
-            *_check_vehicle(request.intended_vehicle, vehicles),
-            *_check_resources_to_avoid(request.properties, plant),
-        ]
-    )
+    findings = [*_check_destinations(request.destinations, plant, new=True)]
+    name = request.intended_vehicle
+    if name is not None and name not in vehicles:
+        why = Reason(R.UNKNOWN_VEHICLE, *_similar_names(name, vehicles), vehicle=name)
+        findings.append(Finding(why, unknown=True))
+    findings += _check_resources_to_avoid(request.properties, plant)
+    _raise_if_any(findings)
 
 
 def set_operations(request: TransportOrderRequest, plant: PlantModel) -> TransportOrderRequest:
@@ -102,22 +102,27 @@ def _check_destinations(
     destinations: Iterable[Destination], plant: PlantModel, *, new: bool
 ) -> Iterator[Finding]:
     for number, destination in enumerate(destinations, start=1):
-        findings = _check_destination(destination, plant)
-        for finding in chain(_check_lock(destination, plant), findings) if new else findings:
+        findings = [*_check_destination(destination, plant)]
+        location = plant.locations_by_name.get(destination.location_name or "")
+        # A locked location takes no new orders; those that exist go on.
+        if new and location and location.locked:
+            findings.insert(0, Finding(Reason(R.LOCATION_LOCKED, location=location.name)))
+        for finding in findings:
             yield Finding(Reason(R.AT_DESTINATION, finding.text, number=number), finding.unknown)
-
-
-def _check_lock(destination: Destination, plant: PlantModel) -> Iterator[Finding]:
-    location = plant.locations_by_name.get(destination.location_name or "")
-    if location and location.locked:
-        yield Finding(Reason(R.LOCATION_LOCKED, location=location.name))
 
 
 def _check_destination(destination: Destination, plant: PlantModel) -> Iterator[Finding]:
     yield from _check_peripherals(destination, plant)
     name = destination.location_name
     if name is not None and name in plant.locations_by_name:
-        yield from _check_operation(destination.operation, plant.location(name), plant)
+        location = plant.location(name)
+        if not location.links:
+            yield Finding(Reason(R.NO_LINK, location=name))
+        elif not plant.access_points(name, destination.operation):
+            linked = (plant.link_operations(location, link) for link in location.links)
+            names = ", ".join(sorted({NO_OPERATION, *chain.from_iterable(linked)}))
+            values = {"operation": destination.operation, "location": name, "names": names}
+            yield Finding(Reason(R.NOT_AT_LOCATION, **values))
     elif name is not None and name not in plant.points_by_name:
         places = [*plant.locations_by_name, *plant.points_by_name]
         yield Finding(Reason(R.UNKNOWN_PLACE, *_similar_names(name, places), name=name), unknown=True)
@@ -139,25 +144,6 @@ def _check_peripherals(destination: Destination, plant: PlantModel) -> Iterator[
             values = {"location": operation.location, "operation": operation.operation}
             none = Reason(R.NO_DEVICE, **values)
             yield Finding(Reason(R.NOT_AT_DEVICE, names=", ".join(possible), **values) if possible else none)
-
-
-def _check_operation(operation: str, location: Location, plant: PlantModel) -> Iterator[Finding]:
-    if not location.links:
-        yield Finding(Reason(R.NO_LINK, location=location.name))
-    elif not plant.access_points(location.name, operation):
-        possible = {NO_OPERATION, *_operations_at(location.links, location, plant)}
-        names = ", ".join(sorted(possible))
-        yield Finding(Reason(R.NOT_AT_LOCATION, operation=operation, location=location.name, names=names))
-
-
-def _operations_at(links: Iterable[Link], location: Location, plant: PlantModel) -> Iterator[str]:
-    for link in links:
-        yield from plant.link_operations(location, link)
-
-
-def _check_vehicle(name: str | None, vehicles: Collection[str]) -> Iterator[Finding]:
-    if name is not None and name not in vehicles:
-        yield Finding(Reason(R.UNKNOWN_VEHICLE, *_similar_names(name, vehicles), vehicle=name), unknown=True)
 
 
 def _check_resources_to_avoid(properties: Iterable[Property], plant: PlantModel) -> Iterator[Finding]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from nena_order_service.peripherals.jobs import JobKey
 from nena_shared.fleet_api.peripherals import StepOperation
-from nena_shared.plant import BACKWARD_SUFFIX, PeripheralOperation, PlantModel
+from nena_shared.plant import BACKWARD_SUFFIX, PlantModel
 from nena_shared.plant_terms import ExecutionTrigger
 
 T = ExecutionTrigger
@@ -85,39 +85,20 @@ class NeedsFinder:
         """Return what a route over these VDA 5050 edges to a destination needs; ``last`` is its last step."""
         if not self._enabled or not (self._by_path or destination):
             return NOTHING
-        return RouteNeeds(
-            [*self._of_paths(order_id, edges), *self._of_destination(order_id, last, destination)]
-        )
-
-    def _of_paths(self, order_id: str, edges: Sequence[str]) -> Iterator[NeededOperation]:
+        needed = []
         for step, edge in enumerate(edges):
-            path = edge.removesuffix(BACKWARD_SUFFIX)
+            path = edge.removesuffix(BACKWARD_SUFFIX)  # a door is needed in both directions
             for place, operation in enumerate(self._by_path.get(path, ())):
-                yield _needed_operation(JobKey(order_id, step, path, place), step, operation)
-
-    def _of_destination(
-        self, order_id: str, last: int, operations: Sequence[StepOperation]
-    ) -> Iterator[NeededOperation]:
-        for place, operation in enumerate(operations):
-            yield NeededOperation(
-                JobKey(order_id, DESTINATION, "", place),
-                last,
-                operation.location,
-                operation.operation,
-                operation.execution_trigger,
-                operation.completion_required,
-            )
-
-
-def _needed_operation(key: JobKey, step: int, operation: PeripheralOperation) -> NeededOperation:
-    return NeededOperation(
-        key,
-        step,
-        operation.location,
-        operation.name,
-        operation.execution_trigger,
-        operation.completion_required,
-    )
+                key, trigger = JobKey(order_id, step, path, place), operation.execution_trigger
+                required = operation.completion_required
+                needed.append(
+                    NeededOperation(key, step, operation.location, operation.name, trigger, required)
+                )
+        for place, wanted in enumerate(destination):
+            key, trigger = JobKey(order_id, DESTINATION, "", place), wanted.execution_trigger
+            required = wanted.completion_required
+            needed.append(NeededOperation(key, last, wanted.location, wanted.operation, trigger, required))
+        return RouteNeeds(needed)
 
 
 NOTHING = RouteNeeds(())
