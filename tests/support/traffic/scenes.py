@@ -26,14 +26,14 @@ class Scene:
         self.manager = TrafficManager(plant, self.routes)
         self.scheduler = self.manager.scheduler
         for name, point in places.items():
-            self.scheduler.place(name, [self.manager.resources.at(point)], length_mm)
+            self.scheduler.place_at_rest(name, [self.manager.resources.at_point(point)], length_mm)
 
     def way(self, vehicle: str, *points: str) -> list[ResourceSet]:
         """Return the sets of a way along ``points``, which follows the last set that the vehicle holds."""
         start = self.scheduler.occupant(vehicle).held[-1]
         ends = [start.point, *points]
         steps = (step for one, other in pairwise(ends) for step in self.router.route(one, other).steps)
-        return list(self.manager.resources.along(steps, start=start))
+        return list(self.manager.resources.along_steps(steps, start=start))
 
     def claim(self, vehicle: str, *points: str) -> str:
         """Claim a route; return the refusal as text."""

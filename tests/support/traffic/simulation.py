@@ -76,7 +76,9 @@ class Simulation:
             for each, start in zip(plant.vehicles, starts, strict=True)
         }
         for each in self.vehicles.values():
-            self.traffic.restore_position(each.name, [self.traffic.resources.at(each.body[0])], length_mm)
+            self.traffic.restore_position(
+                each.name, [self.traffic.resources.at_point(each.body[0])], length_mm
+            )
 
     def run(self) -> None:
         """Run until every order is finished; raises CollisionError or StandstillError."""

@@ -47,7 +47,9 @@ async def test_a_point_names_who_stands_there_and_who_reserves_it(
 ) -> None:
     engine, (before, here, *_) = service.engine, service.engine.plant.points
     resources = engine.traffic.resources
-    engine.traffic.restore_position("Robot-01", (resources.at(before.name), resources.at(here.name)), 1000)
+    engine.traffic.restore_position(
+        "Robot-01", (resources.at_point(before.name), resources.at_point(here.name)), 1000
+    )
     standing = state(last_node_id=here.name)
     view = engine.view
     monkeypatch.setattr(

@@ -69,8 +69,8 @@ async def test_only_an_operation_after_the_allocation_holds_the_path_while_the_d
     after = await started(hall(operation("open", T.AFTER_ALLOCATION)))
     after.engine.create(request("E", name="T-1"), "T-1")
 
-    assert before.engine.traffic.scheduler.holders("Door") == frozenset()
-    assert after.engine.traffic.scheduler.holders("Door") == {"V1"}
+    assert before.engine.traffic.scheduler.holders_of("Door") == frozenset()
+    assert after.engine.traffic.scheduler.holders_of("Door") == {"V1"}
 
 
 @pytest.mark.parametrize("trigger", [T.IMMEDIATE, T.BEFORE_ALLOCATION, T.AFTER_ALLOCATION])
@@ -237,8 +237,8 @@ async def test_a_failed_door_fails_an_order_that_was_not_sent_yet() -> None:
 
     assert site.fleet.sent == []
     assert status_of(site.engine, "T-1").state is TransportOrderState.FAILED
-    assert site.engine.traffic.scheduler.holders("Door") == frozenset()
-    assert site.engine.traffic.scheduler.holders("B") == {"V1"}
+    assert site.engine.traffic.scheduler.holders_of("Door") == frozenset()
+    assert site.engine.traffic.scheduler.holders_of("B") == {"V1"}
 
 
 async def test_withdrawing_the_order_withdraws_its_job_at_the_device() -> None:
@@ -386,7 +386,7 @@ async def test_a_rerouted_vehicle_no_longer_needs_the_door() -> None:
 
     assert site.base() == "ABXE"
     assert site.states() == [PeripheralJobState.FAILED]
-    assert site.engine.traffic.scheduler.holders("Door") == frozenset()
+    assert site.engine.traffic.scheduler.holders_of("Door") == frozenset()
 
 
 def with_paths(plant: PlantModel, *paths: Path, points: str = "") -> PlantModel:

@@ -203,7 +203,7 @@ def test_after_a_restart_all_grants_are_held() -> None:
     assert journey
 
     after = Bench()
-    after.manager.restore_position("v", [after.manager.resources.at("A")], 1)
+    after.manager.restore_position("v", [after.manager.resources.at_point("A")], 1)
     after.manager.resume_route("v", journey.way, journey.allocated)
 
     assert after.held("v") == before.held("v")

@@ -30,7 +30,9 @@ def sets(model: PlantModel, start: str, end: str, location: str | None = None) -
     resources = Resources(model)
     route = Router(model).route(start, end)
     return list(
-        resources.along(route.steps, start=resources.at(start), at_goal=(location,) if location else ())
+        resources.along_steps(
+            route.steps, start=resources.at_point(start), at_goal=(location,) if location else ()
+        )
     )
 
 
@@ -50,10 +52,13 @@ def test_a_vehicle_needs_a_door_from_the_path_that_opens_it_to_the_one_that_clos
     )
     use = DeviceUse(plant(*paths))
 
-    assert use.along([each.name for each in paths]) == {0: ["Door"], 1: ["Door"], 2: ["Door"]}
-    assert use.along([each.name for each in paths[1:]]) == {1: ["Door"]}
-    assert use.along([each.name for each in paths[1:]], held=("Door", "B")) == {0: ["Door"], 1: ["Door"]}
-    assert DeviceUse(None).along([each.name for each in paths]) == {}
+    assert use.needed_along([each.name for each in paths]) == {0: ["Door"], 1: ["Door"], 2: ["Door"]}
+    assert use.needed_along([each.name for each in paths[1:]]) == {1: ["Door"]}
+    assert use.needed_along([each.name for each in paths[1:]], held=("Door", "B")) == {
+        0: ["Door"],
+        1: ["Door"],
+    }
+    assert DeviceUse(None).needed_along([each.name for each in paths]) == {}
     unheeded = path("A B", peripheral_operations=(closing,))
     assert DeviceUse(plant(unheeded)).names == frozenset()
 
@@ -82,7 +87,7 @@ def test_a_block_is_needed_by_each_step_into_it_and_by_a_vehicle_inside() -> Non
 
     assert first.uses["Crossing"] is None
     assert "Crossing" not in last.uses
-    assert Resources(model).at("B").uses == {"B": None, "Crossing": None}
+    assert Resources(model).at_point("B").uses == {"B": None, "Crossing": None}
 
 
 def test_a_vehicle_keeps_its_entry_direction_in_a_same_direction_block() -> None:
@@ -114,12 +119,12 @@ def test_others_are_vehicles_that_cannot_share() -> None:
     index.add("a", {"x": None, "aisle": "north"})
     index.add("b", {"aisle": "north"})
 
-    assert set(index.others("c", {"x": None})) == {("a", "x")}
-    assert set(index.others("c", {"aisle": "north"})) == set()
-    assert set(index.others("c", {"aisle": "south"})) == {("a", "aisle"), ("b", "aisle")}
-    assert set(index.others("c", {"aisle": None})) == {("a", "aisle"), ("b", "aisle")}
-    assert set(index.others("a", {"x": None})) == set()
-    assert index.users("aisle") == {"a", "b"}
+    assert set(index.other_users("c", {"x": None})) == {("a", "x")}
+    assert set(index.other_users("c", {"aisle": "north"})) == set()
+    assert set(index.other_users("c", {"aisle": "south"})) == {("a", "aisle"), ("b", "aisle")}
+    assert set(index.other_users("c", {"aisle": None})) == {("a", "aisle"), ("b", "aisle")}
+    assert set(index.other_users("a", {"x": None})) == set()
+    assert index.users_of("aisle") == {"a", "b"}
 
 
 USES = st.dictionaries(st.sampled_from("xyz"), st.sampled_from([None, "n", "s"]), min_size=1)
@@ -137,7 +142,7 @@ def test_a_resource_is_used_until_every_use_is_removed(
         index.remove(vehicle, each)
         left.subtract((vehicle, resource) for resource in each)
         for resource in "xyz":
-            assert index.users(resource) == {who for who in "ab" if left[who, resource]}
+            assert index.users_of(resource) == {who for who in "ab" if left[who, resource]}
 
 
 WAY = [
@@ -193,7 +198,7 @@ PLANT = PlantModel(
 
 def under(found: Found, length_mm: int = 1000) -> set[str]:
     footings = OccupancyFinder(PLANT, Resources(PLANT))
-    return set(footings.of(found, BoundingBox(length_mm=length_mm)).under.uses)
+    return set(footings.find_occupied(found, BoundingBox(length_mm=length_mm)).under.uses)
 
 
 @pytest.mark.parametrize(
@@ -219,8 +224,8 @@ def test_resources_under_a_vehicle(found: Found, length_mm: int, expected: set[s
 def test_a_vehicle_beside_its_point_needs_the_point_as_entry() -> None:
     footings = OccupancyFinder(PLANT, Resources(PLANT))
 
-    beside = footings.of(Found("B", on_point=False, place_mm=(4000.0, 700.0)), BoundingBox())
-    on_it = footings.of(Found("B", on_point=True, place_mm=(4000.0, 100.0)), BoundingBox())
+    beside = footings.find_occupied(Found("B", on_point=False, place_mm=(4000.0, 700.0)), BoundingBox())
+    on_it = footings.find_occupied(Found("B", on_point=True, place_mm=(4000.0, 100.0)), BoundingBox())
 
     assert on_it.entry is None
     assert beside.entry is not None
@@ -232,6 +237,6 @@ def test_the_reference_point_may_be_far_from_the_middle() -> None:
     footings = OccupancyFinder(PLANT, Resources(PLANT))
     box = BoundingBox(length_mm=1000, reference_offset_x_mm=3600)
 
-    found = footings.of(Found("A", on_point=True, place_mm=(0.0, 0.0), map_id="hall"), box)
+    found = footings.find_occupied(Found("A", on_point=True, place_mm=(0.0, 0.0), map_id="hall"), box)
 
     assert set(found.under.uses) == {"A", "B", "corner"}

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.traffic.relocation import CANDIDATES_TRIED, Relocator, overlap
+from nena_order_service.traffic.relocation import CANDIDATES_TRIED, Relocator, find_conflict
 from nena_order_service.traffic.resources import ResourceSet, conflict
 from nena_order_service.traffic.route_search import RouteRequest
 from nena_order_service.traffic.scheduler import UnknownOccupantError
@@ -69,7 +69,7 @@ def test_a_vehicle_that_comes_to_rest_on_the_way_of_a_waiting_one_is_relocated()
     scene.manager.request_route(RouteRequest("v", "C"))
     assert list(scene.decide("w")) == []
 
-    scene.scheduler.place("u", [scene.manager.resources.at("C")], length_mm=0)
+    scene.scheduler.place_at_rest("u", [scene.manager.resources.at_point("C")], length_mm=0)
     assert list(scene.decide("w")) == ["Relocation u C X"]
 
 
@@ -239,9 +239,9 @@ def test_passed_resources_are_freed() -> None:
     scene.claim("v", "B")
     scene.drive_to_end("v")
 
-    assert scene.scheduler.users("A") == frozenset()
-    assert scene.scheduler.users("B") == {"v"}
-    assert scene.scheduler.users("A --- B") == {"v"}
+    assert scene.scheduler.users_of("A") == frozenset()
+    assert scene.scheduler.users_of("B") == {"v"}
+    assert scene.scheduler.users_of("A --- B") == {"v"}
 
 
 def test_a_way_over_a_resting_vehicle_is_refused_with_its_name() -> None:
@@ -349,9 +349,9 @@ def test_a_long_vehicle_keeps_what_its_tail_covers() -> None:
     scene.claim("v", "D")
     scene.drive_to_end("v")
 
-    assert scene.scheduler.users("C") == {"v"}
-    assert scene.scheduler.users("B --- C") == {"v"}
-    assert scene.scheduler.users("B") == frozenset()
+    assert scene.scheduler.users_of("C") == {"v"}
+    assert scene.scheduler.users_of("B --- C") == {"v"}
+    assert scene.scheduler.users_of("B") == frozenset()
 
 
 def test_dropping_a_claim_keeps_held_resources() -> None:
@@ -361,8 +361,8 @@ def test_dropping_a_claim_keeps_held_resources() -> None:
 
     scene.scheduler.give_up_claim("v")
 
-    assert scene.scheduler.users("B") == {"v"}
-    assert scene.scheduler.users("C") == frozenset()
+    assert scene.scheduler.users_of("B") == {"v"}
+    assert scene.scheduler.users_of("C") == frozenset()
     assert scene.claim("w", "C") == ""
 
 
@@ -373,7 +373,7 @@ def test_a_refused_claim_keeps_the_previous_one() -> None:
     assert scene.claim("v", "D") == "waits for w, which stands on 'D'"
 
     assert [each.point for each in scene.scheduler.occupant("v").claimed] == ["B"]
-    assert scene.scheduler.users("C") == frozenset()
+    assert scene.scheduler.users_of("C") == frozenset()
 
 
 def test_a_removed_vehicle_frees_everything() -> None:
@@ -384,7 +384,7 @@ def test_a_removed_vehicle_frees_everything() -> None:
     scene.scheduler.remove("v")
 
     assert "v" not in scene.scheduler
-    assert all(scene.scheduler.users(name) <= {"w"} for name in ("A", "A --- B", "B", "B --- C", "C"))
+    assert all(scene.scheduler.users_of(name) <= {"w"} for name in ("A", "A --- B", "B", "B --- C", "C"))
     with pytest.raises(UnknownOccupantError, match="position of vehicle 'v' is unknown"):
         scene.scheduler.occupant("v")
 
@@ -409,10 +409,10 @@ def test_grants_from_before_a_restart_are_held_and_claimed() -> None:
     scene = track("A B C D", v="A", w="C")
     way = scene.way("v", "D")
 
-    scene.scheduler.resume("v", way[:2], way[2:])
+    scene.scheduler.restore_claim("v", way[:2], way[2:])
 
-    assert scene.scheduler.users("C") == {"v", "w"}
-    assert scene.scheduler.sharing("w") == ("v", "C")
+    assert scene.scheduler.users_of("C") == {"v", "w"}
+    assert scene.scheduler.find_sharer("w") == ("v", "C")
     assert scene.scheduler.occupant("v").ahead == 2
     scene.scheduler.seize("v")
     assert scene.scheduler.occupant("v").ahead == 3
@@ -436,7 +436,7 @@ class Bench:
 
     def relocate(self, *blockers: str, kept: Iterable[str] = (), fixed: str = "") -> dict[str, str]:
         """Send vehicles away from the points ``kept``; return the goal of each that goes."""
-        kept_free = [self.scene.manager.resources.at(each) for each in kept]
+        kept_free = [self.scene.manager.resources.at_point(each) for each in kept]
         found = self._relocator.relocate(blockers, kept_free, lambda name: name not in fixed.split())
         return {each.vehicle: each.route.points[-1] for each in found}
 
@@ -528,9 +528,9 @@ def test_sets_overlap_where_two_vehicles_are_in_conflict(
         for name, direction in each.uses.items()
         if any(name in also.uses and conflict(direction, also.uses[name]) for also in other)
     }
-    found = overlap(one, other)
+    found = find_conflict(one, other)
     assert found in wanted if wanted else found is None
-    assert (overlap(other, one) is None) is (found is None)
+    assert (find_conflict(other, one) is None) is (found is None)
 
 
 @pytest.mark.parametrize(
@@ -541,5 +541,5 @@ def test_one_direction_is_shared(one: str | None, other: str | None, *, overlapp
     def using(direction: str | None) -> list[ResourceSet]:
         return [ResourceSet("P", 0, {"Aisle": direction})]
 
-    assert overlap(using(one), using(other)) == ("Aisle" if overlapping else None)
-    assert overlap(using(other), using(one)) == ("Aisle" if overlapping else None)
+    assert find_conflict(using(one), using(other)) == ("Aisle" if overlapping else None)
+    assert find_conflict(using(other), using(one)) == ("Aisle" if overlapping else None)

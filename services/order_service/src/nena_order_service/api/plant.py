@@ -105,7 +105,7 @@ class PlantOperations:
             UnknownVehicleError: no vehicle has the name that is asked for.
 
         """
-        holders, vehicle = self._engine.traffic.scheduler.holders, request.vehicle
+        holders, vehicle = self._engine.traffic.scheduler.holders_of, request.vehicle
         if vehicle is not None and self._engine.registry.named(vehicle) is None:
             raise UnknownVehicleError(vehicle)
         if request.after is not None:
@@ -198,7 +198,7 @@ class PlantOperations:
             map_id=point.map_id,
             locations=tuple(self._locations_by_point.get(point.name, ())),
             occupied_by=tuple(sorted(occupied_by)),
-            reserved_by=tuple(sorted(self._engine.traffic.scheduler.holders(point.name))),
+            reserved_by=tuple(sorted(self._engine.traffic.scheduler.holders_of(point.name))),
         )
 
     @cached_property

@@ -185,7 +185,7 @@ class IdleVehicles:
     def _users_of(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> set[str]:
         """Return the other vehicles that are at a point, will pass it or are going to it."""
         coming = {name for name, goal in round_.goals.items() if goal == point}
-        return {*self._traffic.scheduler.users(point), *coming} - {vehicle.name}
+        return {*self._traffic.scheduler.users_of(point), *coming} - {vehicle.name}
 
     def _is_idly_occupied(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> bool:
         """Return whether all vehicles at a point have enough energy and nothing to do."""

@@ -209,7 +209,7 @@ class Peripherals:
     def publish_users(self) -> None:
         """Publish the devices whose users have changed."""
         for location in self.operations:
-            users = self._traffic.scheduler.holders(location)
+            users = self._traffic.scheduler.holders_of(location)
             if users != self._users.get(location, frozenset()):
                 self._users[location] = users
                 self._state.peripheral_changed(location)
@@ -241,7 +241,7 @@ class Peripherals:
             operations=self.operations.get(location, ()),
             job=self.job_status(job) if job else None,
             waiting=tuple(waiting),
-            used_by=tuple(sorted(self._traffic.scheduler.holders(location))),
+            used_by=tuple(sorted(self._traffic.scheduler.holders_of(location))),
             jobs=(*map(self.job_status, shown_unfinished), *shown_ended[:ENDED_SHOWN]),
         )
 
@@ -422,7 +422,7 @@ class Peripherals:
         """Return the vehicles with other tokens for which a job has to wait: one may be in the door."""
         status = job.status
         others: list[str] = []
-        for name in self._traffic.scheduler.holders(status.location) - {status.related_vehicle}:
+        for name in self._traffic.scheduler.holders_of(status.location) - {status.related_vehicle}:
             vehicle = self._context.registry.named(name)
             order = self._state.order_of(vehicle.key) if vehicle else None
             if _reservation_token(name, order) != status.reservation_token:
@@ -459,7 +459,7 @@ class Peripherals:
     def others_hold_device(self, vehicle: FleetVehicle, resources: Iterable[str]) -> bool:
         """Return whether other vehicles hold a device among these resources: they pass first."""
         return any(
-            self._traffic.scheduler.holders(name) - {vehicle.name}
+            self._traffic.scheduler.holders_of(name) - {vehicle.name}
             for name in resources
             if name in self.operations
         )

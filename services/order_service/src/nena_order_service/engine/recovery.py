@@ -86,7 +86,9 @@ class Recovery:
         vehicle = self._registry.discover(drive.robot)
         if vehicle.name not in self._traffic:  # no record says where it stood, so it is where its order began
             start = drive.vda_order.nodes[0].node_id
-            under = self._traffic.resources.at(start) if start in self._plant.points_by_name else NOWHERE
+            under = (
+                self._traffic.resources.at_point(start) if start in self._plant.points_by_name else NOWHERE
+            )
             self._traffic.restore_position(vehicle.name, [under], box_of(vehicle).length_mm)
         self._traffic.resume_route(vehicle.name, drive.way, drive.allocated)
         self._state.after_commit(

@@ -47,7 +47,7 @@ class TrafficPlans:
         ahead: list[PlannedPoint] = []
         start, order = at, self._context.state.order_of(vehicle.key)
         for index, (step, seconds) in enumerate(zip_longest(drive.ahead, arrivals)):
-            edge = self._pace.edge(start, step)
+            edge = self._pace.edge_to(start, step)
             ahead.append(
                 PlannedPoint(
                     point=step.point,
@@ -75,12 +75,12 @@ class TrafficPlans:
         if route is None:
             return ExpectedDrive(held, refusal=refusal)
         at, seconds, in_all = self._traffic.scheduler.occupant(name).point, list[float](), 0.0
-        seconds_along = self._pace.of(vehicle.model, self._context.view(vehicle).factsheet)
+        seconds_along = self._pace.travel_time_for(vehicle.model, self._context.view(vehicle).factsheet)
         allocated = route.allocated - route.reached
         for index, step in enumerate(route.way[route.reached :]):
             if index >= allocated and in_all > HORIZON:
                 break
-            edge = self._pace.edge(at, step)
+            edge = self._pace.edge_to(at, step)
             # Of the first path, only what is left counts: a robot may be in the middle of 50 m.
             length_mm = step.length_mm if index else self._left_mm(vehicle, step)
             seconds.append(seconds_along(edge, length_mm))

@@ -54,14 +54,11 @@ def _possible_lines(path: Path, source: Point, destination: Point) -> Iterator[L
     )
     if path.layout.connection_type in (ConnectionType.BEZIER, ConnectionType.BEZIER_3):
         for first in range(0, len(drawn) - BEZIER_POINTS + 1, BEZIER_POINTS - 1):
-            yield _bezier_line(drawn[first : first + BEZIER_POINTS])
+            points = drawn[first : first + BEZIER_POINTS]
+            controls = tuple(TrajectoryPoint(x=x, y=y) for x, y in points)
+            yield places(PathTrajectory(degree=3, knot_vector=CUBIC_BEZIER_KNOTS, control_points=controls))
     elif len(drawn) > len((start, end)):
         yield drawn
     for use in path.vehicle_types:
         if use.trajectory and not fault(use.trajectory):
             yield places(use.trajectory)
-
-
-def _bezier_line(points: Line) -> Line:
-    controls = tuple(TrajectoryPoint(x=x, y=y) for x, y in points)
-    return places(PathTrajectory(degree=3, knot_vector=CUBIC_BEZIER_KNOTS, control_points=controls))

@@ -107,20 +107,18 @@ class Forecast:
         heappush(self._arrivals, (now + drive.seconds[index], name))
 
     def _is_kept(self, course: _Course, name: str, following: ResourceSet) -> bool:
-        if any(self._holds.others(name, following.uses)):
+        if any(self._holds.other_users(name, following.uses)):
             return True
         refusal = course.drive.refusal
         if not refusal or refusal.reason is not WaitReason.ORDER or course.reached > course.drive.allocated:
             return False
-        return any(self._is_to_pass(vehicle, refusal.resource) for vehicle in refusal.vehicles)
-
-    def _is_to_pass(self, name: str, resource: str) -> bool:
-        """Return whether a vehicle is on a resource or has yet to drive over it."""
-        course = self._courses.get(name)
-        if course is None:
-            return False
-        sets = (*course.held, *course.drive.ahead[course.reached :])
-        return any(resource in resource_set.uses for resource_set in sets)
+        # The order of claims only matters until the first vehicle has passed the resource.
+        courses = (self._courses[vehicle] for vehicle in refusal.vehicles if vehicle in self._courses)
+        return any(
+            refusal.resource in resource_set.uses
+            for first in courses
+            for resource_set in (*first.held, *first.drive.ahead[first.reached :])
+        )
 
 
 UNKNOWN_SPEED_MM_S: Final = 1000
@@ -137,12 +135,12 @@ class Pace:
             for edge in path.edges():
                 self._edges[edge.source, edge.destination].append(edge)
 
-    def edge(self, start: str, step: ResourceSet) -> DirectedEdge | None:
+    def edge_to(self, start: str, step: ResourceSet) -> DirectedEdge | None:
         """Return the edge that leads to a set; None if the vehicle drives there straight, off the paths."""
         edges = self._edges.get((start, step.point), ())
         return next((edge for edge in edges if edge.path.name in step.uses), edges[0] if edges else None)
 
-    def of(
+    def travel_time_for(
         self, vehicle: Vehicle | None, robot: Factsheet | None
     ) -> Callable[[DirectedEdge | None, float], float]:
         """Return a function that computes the seconds for a distance (mm) on an edge.

@@ -30,7 +30,13 @@ from typing import Protocol
 
 from nena_order_service.routing.graph import NoRouteError, Route, Step
 from nena_order_service.routing.router import VehicleRoutes
-from nena_order_service.traffic.relocation import Relocation, Relocator, VehicleTest, no_vehicle, overlap
+from nena_order_service.traffic.relocation import (
+    Relocation,
+    Relocator,
+    VehicleTest,
+    find_conflict,
+    no_vehicle,
+)
 from nena_order_service.traffic.resources import Found, OccupancyFinder, Resources, ResourceSet
 from nena_order_service.traffic.route_search import AllocatedRoute, RouteRequest, RouteSearch
 from nena_order_service.traffic.scheduler import Refusal, Scheduler, WaitReason
@@ -257,14 +263,14 @@ class TrafficManager:
 
     def shared_with(self, vehicle: str) -> Reason | None:
         """Return, as a predicate, which vehicle stands on the same resource; None if there is none."""
-        shared = self.scheduler.sharing(vehicle) if vehicle in self.scheduler else None
+        shared = self.scheduler.find_sharer(vehicle) if vehicle in self.scheduler else None
         return Reason(R.SHARES, at=shared[1], vehicle=shared[0]) if shared else None
 
     def would_displace(self, vehicle: str, goal: str) -> bool:
         """Return whether vehicles that rest, now or soon, would have to make room for a drive to ``goal``."""
         route_request = RouteRequest(vehicle, goal)
         try:
-            route = self._search.find(route_request)
+            route = self._search.find_route(route_request)
         except NoRouteError:
             return False
         way = self._resources_along(route_request, route)
@@ -288,17 +294,18 @@ class TrafficManager:
         """
         route, occupant = self._routes[vehicle], self.scheduler.occupant(vehicle)
         present = route.way[route.allocated :]
+        # For the vehicle with the right of way the others make room: a new route would make that vain.
         if not present or (self._right_of_way and self._right_of_way.vehicle == vehicle):
             return None
         others = (name for name in self.waiting_at_end() if name != vehicle)
         occupied = [self.scheduler.occupant(name).held for name in others]
         start, goal = occupant.held[-1].point, present[-1].point
-        at_rest = (name for name in self.scheduler.names if name not in self._routes and stays(name))
+        at_rest = (name for name in self.scheduler.vehicle_names if name not in self._routes and stays(name))
         resting = {use for name in at_rest for held in self.held_by(name) for use in held.uses} - {
             start,
             goal,
         }
-        return self._search.around(vehicle, start, occupied, avoid, resting)
+        return self._search.find_detour(vehicle, start, occupied, avoid, resting)
 
     # Vehicles without a route: what they occupy
 
@@ -312,7 +319,10 @@ class TrafficManager:
         vehicle also keeps the resources next to its last position, because paths may be curved.
         """
         beside = self.sets_beside(vehicle)
-        footing, behind = self._occupancy.of(found, box), self._still_covered(vehicle, found, moving=moving)
+        footing, behind = (
+            self._occupancy.find_occupied(found, box),
+            self._still_covered(vehicle, found, moving=moving),
+        )
         if behind and behind[-1].point == found.point and found.on_point and not moving:
             held, entry = behind, None
         else:
@@ -331,7 +341,7 @@ class TrafficManager:
             occupant = self.scheduler.occupant(vehicle)
             if tuple(occupant.held) == held and occupant.entry == entry:
                 return beside != self.sets_beside(vehicle)
-        self.scheduler.place(vehicle, held, box.length_mm, entry=entry)
+        self.scheduler.place_at_rest(vehicle, held, box.length_mm, entry=entry)
         return True
 
     def _still_covered(self, vehicle: str, found: Found, *, moving: bool) -> tuple[ResourceSet, ...]:
@@ -363,7 +373,7 @@ class TrafficManager:
         beside: tuple[ResourceSet, ...] | None = None,
     ) -> None:
         """Restore what a vehicle held before a restart; with ``beside`` it must be seen standing first."""
-        self.scheduler.place(vehicle, held, length_mm)
+        self.scheduler.place_at_rest(vehicle, held, length_mm)
         if beside is not None:
             self._broken_off[vehicle] = beside
 
@@ -387,6 +397,7 @@ class TrafficManager:
         """
         vehicle, goal = route_request.vehicle, route_request.goal
         number, last_goal = self._turns.get(vehicle, (None, ""))
+        # Letting out only forbids to return: to another goal, the vehicle may drive at once.
         if goal != last_goal:
             self._let_out.pop(vehicle, None)
         if first and number is None:
@@ -403,7 +414,7 @@ class TrafficManager:
         self._requests.pop(vehicle, None)
         self._refusals.pop(vehicle, None)
         self._last_refusals.pop(vehicle, None)
-        self._search.forget(vehicle)
+        self._search.forget_route(vehicle)
 
     def forget_routes(self) -> None:
         """Drop the cached routes of waiting vehicles, because the plant has changed."""
@@ -428,14 +439,18 @@ class TrafficManager:
         extending = [name for name, _ in self.routes_to_extend()]
         yield from self._clear_ways(extending, movable)
         self._right_of_way = right_of_way = None
-        for vehicle in sorted(dict.fromkeys((*self._requests, *extending)), key=self._turn_of):
+        # Prioritised planning: the oldest turn comes first, whether its vehicle drives or waits to depart.
+        vehicles = dict.fromkeys((*self._requests, *extending))
+        for vehicle in sorted(vehicles, key=self._turn_of):
             if under_way := vehicle in self._routes:
                 claimed = len(self.scheduler.occupant(vehicle).claimed)
                 refused = self._extend_claim(vehicle, right_of_way)
                 if len(self.scheduler.occupant(vehicle).claimed) > claimed:
                     yield MoreClaimed(vehicle)
             else:
-                if not self._can_be_granted(vehicle) or not movable(vehicle):
+                # The caller acts on each decision before the next one is made: the request may be gone.
+                is_known = vehicle in self._requests and vehicle in self.scheduler
+                if not (is_known and self.scheduler.occupant(vehicle).resting and movable(vehicle)):
                     continue
                 answer = self._try_request(self._requests[vehicle], right_of_way, lost)
                 if not isinstance(answer, _Refused):
@@ -446,11 +461,15 @@ class TrafficManager:
                 continue
             refusal = self._refusals[vehicle] = self._with_distance(refused.refusal, self.refusal_of(vehicle))
             blocked_at_rest = refusal.reason is WaitReason.RESTING
+            # Nobody knows when a lost vehicle moves on: a right of way for its sake would block all others.
             if blocked_at_rest and any(map(lost, refusal.vehicles)):
                 continue
             if under_way and not self.scheduler.occupant(vehicle).resting:
                 continue  # it still drives on the resources that it holds
-            right_of_way = right_of_way or _RightOfWay(vehicle, self._next_section(refused.way))
+            # The first that waits is the oldest. It reserves no more than it needs to stop blocking others:
+            # reserving the whole route, as under decision 0021, left most vehicles of a full hall standing.
+            end = next(self.resources.waiting_places(refused.way), 0)
+            right_of_way = right_of_way or _RightOfWay(vehicle, refused.way[:end])
             self._right_of_way = right_of_way
             if blocked_at_rest:
                 yield from self._make_room(vehicle, refused, right_of_way, movable)
@@ -521,14 +540,6 @@ class TrafficManager:
 
     # Route requests: the cheapest route, or a detour around vehicles at rest
 
-    def _can_be_granted(self, vehicle: str) -> bool:
-        """Return whether the request is still current and its vehicle is at rest."""
-        return (
-            vehicle in self._requests
-            and vehicle in self.scheduler
-            and self.scheduler.occupant(vehicle).resting
-        )
-
     def _try_request(
         self, route_request: RouteRequest, right_of_way: _RightOfWay | None, lost: VehicleTest
     ) -> RouteGrant | RouteRejection | _Refused:
@@ -546,7 +557,7 @@ class TrafficManager:
         ):
             return last.refused
         try:
-            route = self._search.find(route_request)
+            route = self._search.find_route(route_request)
         except NoRouteError as error:
             self.drop_request(vehicle)
             return RouteRejection(vehicle, error)
@@ -554,6 +565,7 @@ class TrafficManager:
         way = self._resources_along(route_request, route)
         refused = self._claim_first_section(vehicle, way, right_of_way, lost, causes)
         if refused and route and refused.refusal.reason is WaitReason.RESTING:
+            # A detour is searched only around vehicles at rest: those that drive will soon be gone.
             longest = inf if any(map(lost, refused.refusal.vehicles)) else route.cost * LONGEST_DETOUR
             if detour := self._find_detour(route_request, way, longest):
                 around = self._resources_along(route_request, detour)
@@ -563,6 +575,7 @@ class TrafficManager:
             self.drop_request(vehicle)
             self._start_route(vehicle, way, route_request)
             return RouteGrant(vehicle, route)
+        # A vehicle that let another one out waits for that one's request, too, which is not among the causes.
         if vehicle not in self._let_out:
             last_lost = self._lost_causes(causes, vehicle, lost)
             self._last_refusals[vehicle] = _LastRefusal(refused, frozenset(causes), right_of_way, last_lost)
@@ -576,8 +589,12 @@ class TrafficManager:
         occupant = self.scheduler.occupant(route_request.vehicle)
         goal, at_goal = route_request.goal, route_request.at_goal
         if route is None:
-            return [self.resources.on(goal, (goal, *at_goal), length_mm=route_request.straight_mm or 0)]
-        return self.resources.way(route.steps, start=occupant.held[-1], entry=occupant.entry, at_goal=at_goal)
+            return [
+                self.resources.on_members(goal, (goal, *at_goal), length_mm=route_request.straight_mm or 0)
+            ]
+        return self.resources.for_route(
+            route.steps, start=occupant.held[-1], entry=occupant.entry, at_goal=at_goal
+        )
 
     def _find_detour(
         self, route_request: RouteRequest, way: list[ResourceSet], longest: float
@@ -586,7 +603,7 @@ class TrafficManager:
         resting = self.scheduler.resting_on(route_request.vehicle, way)
         occupied = {use for name in resting for held in self.held_by(name) for use in held.uses}
         try:
-            detour = self._search.find(route_request, without=occupied - {route_request.goal})
+            detour = self._search.find_route(route_request, without=occupied - {route_request.goal})
         except NoRouteError:
             return None
         return detour if detour and detour.cost <= longest else None
@@ -661,15 +678,26 @@ class TrafficManager:
         vehicles on which this depends.
         """
         refused: _Refused | None = None
-        sections = tuple(self._section_lengths(ahead))
-        free = self.scheduler.free_of_rest(vehicle, ahead[: sections[0]]) if sections else 0
+        # From the first waiting place after SECTION down: a vehicle that waits anywhere else blocks others.
+        ends = list[int]()
+        for end in self.resources.waiting_places(ahead):
+            ends.append(end)
+            if end >= SECTION:
+                break
+        sections = ends[::-1] or [0]
+        free = self.scheduler.free_of_rest(vehicle, ahead[: sections[0]])
         for count in sections:
             if count <= more_than and (count or ahead):
                 break
             if count > free and refused:
                 continue
-            way = list(ahead[:count])
-            refusal = self._claim_outside_right_of_way(vehicle, way, right_of_way)
+            way, refusal = list(ahead[:count]), None
+            # Others may pass the section with the right of way, but not stop on it: so it becomes free.
+            if right_of_way and right_of_way.vehicle != vehicle:
+                resource = find_conflict(self.scheduler.end_of(vehicle, way), right_of_way.section)
+                if resource:
+                    refusal = Refusal(WaitReason.ORDER, (right_of_way.vehicle,), resource)
+            refusal = refusal or self.scheduler.claim(vehicle, way)
             if refusal is None:
                 return None
             causes.update(refusal.vehicles, refusal.between)
@@ -677,31 +705,6 @@ class TrafficManager:
             if refused.refusal.reason is not WaitReason.RESTING and refusal.reason is WaitReason.RESTING:
                 refused = _Refused(refusal, way)
         return refused
-
-    def _claim_outside_right_of_way(
-        self, vehicle: str, way: list[ResourceSet], right_of_way: _RightOfWay | None
-    ) -> Refusal | None:
-        """Claim a way unless it ends on the section reserved by right of way; return the refusal, if any."""
-        if right_of_way and right_of_way.vehicle != vehicle:
-            resource = overlap(self.scheduler.end_of(vehicle, way), right_of_way.section)
-            if resource:
-                return Refusal(WaitReason.ORDER, (right_of_way.vehicle,), resource)
-        return self.scheduler.claim(vehicle, way)
-
-    def _section_lengths(self, ahead: Sequence[ResourceSet]) -> Iterator[int]:
-        """Yield how many sets may be claimed at once, from the first waiting place after SECTION down."""
-        ends = list[int]()
-        for end in self.resources.waiting_places(ahead):
-            ends.append(end)
-            if end >= SECTION:
-                break
-        yield from reversed(ends)
-        if not ahead:
-            yield 0
-
-    def _next_section(self, way: list[ResourceSet]) -> list[ResourceSet]:
-        """Return the sets of a way up to the first point where a vehicle can wait."""
-        return way[: next(self.resources.waiting_places(way), 0)]
 
     # Relocation of vehicles that rest in the way
 
@@ -735,15 +738,11 @@ class TrafficManager:
             yield relocation
         yield from (EarlyEnd(name) for name in under_way if self._waits_for_itself(name))
         for name in () if sent else sorted(enclosing.intersection(self._routes).difference(under_way)):
-            if self.scheduler.occupant(name).resting and (
-                has_right_of_way or self._waits_for(name, enclosing | {requester})
-            ):
+            refusal = self._refusals.get(name)
+            # One that only pauses on its route will drive on by itself, unless it waits for one of these.
+            waits = refusal is not None and not (enclosing | {requester}).isdisjoint(refusal.vehicles)
+            if self.scheduler.occupant(name).resting and (has_right_of_way or waits):
                 yield EarlyEnd(name)
-
-    def _waits_for(self, vehicle: str, others: set[str]) -> bool:
-        """Return whether a vehicle waits for one of the others; otherwise it only pauses."""
-        refusal = self._refusals.get(vehicle)
-        return refusal is not None and not others.isdisjoint(refusal.vehicles)
 
     def _waits_for_itself(self, vehicle: str) -> bool:
         """Return whether a vehicle waits for itself through others, so that they are deadlocked."""
@@ -817,7 +816,7 @@ class TrafficManager:
         The vehicle keeps what is allocated. If traffic control refuses, the route is unchanged.
         """
         route, occupant = self._routes[vehicle], self.scheduler.occupant(vehicle)
-        way = self.resources.way(steps, start=occupant.held[-1], at_goal=at_goal)
+        way = self.resources.for_route(steps, start=occupant.held[-1], at_goal=at_goal)
         if refused := self._claim_section(vehicle, way, self._right_of_way, set()):
             return refused.refusal
         route.way, route.refusal = (*route.way[: route.allocated], *way), None
@@ -832,8 +831,9 @@ class TrafficManager:
         """
         route, occupant = self._routes[vehicle], self.scheduler.occupant(vehicle)
         reached = min(reached, len(route.way))
+        # A robot that drove beyond its base holds what it covers, although nobody granted it.
         if route.allocated + len(occupant.claimed) < reached:  # beyond the section that it claims
-            self.scheduler.resume(vehicle, (), route.way[route.allocated : reached])
+            self.scheduler.restore_claim(vehicle, (), route.way[route.allocated : reached])
         while route.allocated < reached:
             self.scheduler.seize(vehicle)
             route.allocated += 1
@@ -849,6 +849,7 @@ class TrafficManager:
         self.note_arrival(vehicle, len(self._routes[vehicle].way))
         del self._routes[vehicle]
         self._refusals.pop(vehicle, None)
+        # A route may end early, to make room: only at its goal the vehicle gives up its turn.
         at_goal = self._turns.get(vehicle, (0, ""))[1] == self.scheduler.occupant(vehicle).point
         if at_goal and vehicle not in self._requests:
             self._turns.pop(vehicle, None)
@@ -879,13 +880,15 @@ class TrafficManager:
         held = tuple(occupant.held)
         self._routes.pop(vehicle, None)
         self._refusals.pop(vehicle, None)
+        # The robot stops somewhere between the point it reached last and the next one.
         self._broken_off[vehicle] = held[: occupant.reached + 2]
-        self.scheduler.place(vehicle, held, occupant.length_mm)
+        self.scheduler.place_at_rest(vehicle, held, occupant.length_mm)
 
     def resume_route(self, vehicle: str, way: Sequence[ResourceSet], allocated: int) -> None:
         """Restore a vehicle's route after a restart; :meth:`note_arrival` then reports its progress."""
         self._broken_off.pop(vehicle, None)
+        # The claim ends at a waiting place again, as it did before the restart (decision 0038).
         ends = self.resources.waiting_places(way)
         end = next((place for place in ends if place >= allocated), allocated)
-        self.scheduler.resume(vehicle, way[:allocated], way[allocated:end])
+        self.scheduler.restore_claim(vehicle, way[:allocated], way[allocated:end])
         self._routes[vehicle] = AllocatedRoute(tuple(way), allocated, released=allocated)

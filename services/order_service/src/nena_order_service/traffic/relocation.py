@@ -101,13 +101,13 @@ class Relocator:
         kept = {resource for resource_set in kept_free for resource in resource_set.uses} | {occupant.point}
         tried = 0
         for place in places:
-            if place in kept or self._scheduler.users(place):
+            if place in kept or self._scheduler.users_of(place):
                 continue
             route = self._routes.route(vehicle, occupant.point, place)
             way = self._resources_of(vehicle, route)
             if around := self._route_around(vehicle, way, place):
                 route, way = around, self._resources_of(vehicle, around)
-            if not overlap(self._scheduler.end_of(vehicle, way), kept_free):
+            if not find_conflict(self._scheduler.end_of(vehicle, way), kept_free):
                 yield route, way
                 tried += 1
                 if tried == CANDIDATES_TRIED:
@@ -115,7 +115,7 @@ class Relocator:
 
     def _resources_of(self, vehicle: str, route: Route) -> list[ResourceSet]:
         occupant = self._scheduler.occupant(vehicle)
-        return self._resources.way(route.steps, start=occupant.held[-1], entry=occupant.entry)
+        return self._resources.for_route(route.steps, start=occupant.held[-1], entry=occupant.entry)
 
     def _route_around(self, vehicle: str, way: Sequence[ResourceSet], place: str) -> Route | None:
         """Return a route around the vehicles that rest on ``way``; None if there are none, or no route."""
@@ -132,7 +132,7 @@ class Relocator:
             return None
 
 
-def overlap(some: Iterable[ResourceSet], others: Iterable[ResourceSet]) -> str | None:
+def find_conflict(some: Iterable[ResourceSet], others: Iterable[ResourceSet]) -> str | None:
     """Return a resource for which two vehicles with these sets conflict; None if there is none."""
     uses: dict[str, set[str | None]] = {}
     for resource_set in others:

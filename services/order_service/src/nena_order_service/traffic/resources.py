@@ -82,6 +82,7 @@ class Resources:
         one-way path, so that no oncoming vehicle waits for it, or stand where others can drive around it.
         """
         for count, (here, following) in enumerate(pairwise(way), start=1):
+            # One that waits inside a block keeps all others out of it, which may be why it has to wait.
             outside = self._block_names.isdisjoint(here.uses)
             if outside and (self._crossings.is_open(here.point) or self._two_way.isdisjoint(following.uses)):
                 yield count
@@ -92,30 +93,37 @@ class Resources:
         """Apply the path locks set by hosts, overriding the plant model."""
         self._crossings.set_locks(locks)
 
-    def at(self, point: str) -> ResourceSet:
+    def at_point(self, point: str) -> ResourceSet:
         """Return the resources of a vehicle found at ``point``."""
-        return self.on(point, (point,))
+        return self.on_members(point, (point,))
 
-    def on(self, point: str, members: Sequence[str], *, length_mm: int = 0) -> ResourceSet:
+    def on_members(self, point: str, members: Sequence[str], *, length_mm: int = 0) -> ResourceSet:
         """Return the resources of a vehicle on ``members`` whose routes begin or end at ``point``."""
         return ResourceSet(point, length_mm, self._uses_of(members, {}))
 
-    def along(
+    def along_steps(
         self, steps: Iterable[Step], *, start: ResourceSet, at_goal: Sequence[str] = ()
     ) -> Iterator[ResourceSet]:
         """Yield the resources of each step of a route from ``start``; the last set includes ``at_goal``."""
         way = tuple(steps)
         last = start
-        devices = self._devices.along([step.path.name for step in way], start.uses)
+        devices = self._devices.needed_along([step.path.name for step in way], start.uses)
         for index, step in enumerate(way):
             members = [step.path.name, step.destination, *devices.get(index, ())]
             if index == len(way) - 1:
                 members.extend(at_goal)
-            directions = self._block_directions(members, step, last)
+            # As in openTCS, the direction in a SAME_DIRECTION_ONLY block is that of the entry, kept inside.
+            entry = step.path.properties.get(BLOCK_ENTRY_DIRECTION, step.edge_id)
+            directions = {
+                block.name: last.uses.get(block.name, entry)
+                for member in members
+                for block in self._blocks.get(member, ())
+                if block.type is BlockType.SAME_DIRECTION_ONLY
+            }
             last = ResourceSet(step.destination, step.path.length_mm, self._uses_of(members, directions))
             yield last
 
-    def way(
+    def for_route(
         self,
         steps: Sequence[Step],
         *,
@@ -130,27 +138,16 @@ class Resources:
         """
         sets = [] if entry is None else [entry]
         if steps or not at_goal:
-            return [*sets, *self.along(steps, start=entry or start, at_goal=at_goal)]
+            return [*sets, *self.along_steps(steps, start=entry or start, at_goal=at_goal)]
         if entry is None:
             return [ResourceSet(start.point, 0, self._uses_of(at_goal, {}))]
         return [ResourceSet(entry.point, entry.length_mm, {**entry.uses, **self._uses_of(at_goal, {})})]
 
-    def _block_directions(
-        self, members: Iterable[str], step: Step, last: ResourceSet
-    ) -> dict[str, str | None]:
-        """Return the direction for each SAME_DIRECTION_ONLY block; a vehicle keeps that of its entry."""
-        entry = step.path.properties.get(BLOCK_ENTRY_DIRECTION, step.edge_id)
-        return {
-            block.name: last.uses.get(block.name, entry)
-            for member in members
-            for block in self._blocks.get(member, ())
-            if block.type is BlockType.SAME_DIRECTION_ONLY
-        }
-
     def _uses_of(self, members: Sequence[str], directions: Mapping[str, str | None]) -> Uses:
         if not self._exclusive:
             return {}
-        uses: dict[str, str | None] = dict.fromkeys((*members, *self._devices.of(members)))
+        # openTCS: whoever is on a member of a block needs the block, too.
+        uses: dict[str, str | None] = dict.fromkeys((*members, *self._devices.needed_on(members)))
         for member in members:
             for block in self._blocks.get(member, ()):
                 uses[block.name] = directions.get(block.name)
@@ -182,14 +179,14 @@ class DeviceUse:
                     devices = self._closing if closes else self._opening
                     devices[path.name] = (*devices.get(path.name, ()), operation.location)
 
-    def of(self, members: Iterable[str]) -> Iterator[str]:
+    def needed_on(self, members: Iterable[str]) -> Iterator[str]:
         """Yield the devices that a vehicle needs wherever it is on a path among ``members``."""
         if self.names:
             for member in members:
                 yield from self._opening.get(member, ())
                 yield from self._closing.get(member, ())
 
-    def along(self, paths: Sequence[str], held: Iterable[str] = ()) -> dict[int, list[str]]:
+    def needed_along(self, paths: Sequence[str], held: Iterable[str] = ()) -> dict[int, list[str]]:
         """Return the devices that are needed on each of the paths of a route, by index.
 
         ``held`` are the resources before the route; devices among them may be open.
@@ -258,7 +255,12 @@ class Crossings:
         reached = newest = {start}
         for _ in range(paths):
             newest = (
-                {point for reached_point in newest for point in self._neighbours_of(reached_point)}
+                {
+                    edge.destination
+                    for point in newest
+                    for edge in self._edges.get(point, ())
+                    if not self._locks.get(edge.path.name, edge.path.locked)
+                }
                 - reached
                 - {without}
             )
@@ -266,11 +268,6 @@ class Crossings:
             if others <= reached or not newest:
                 break
         return others <= reached
-
-    def _neighbours_of(self, point: str) -> Iterator[str]:
-        for edge in self._edges.get(point, ()):
-            if not self._locks.get(edge.path.name, edge.path.locked):
-                yield edge.destination
 
 
 class UseIndex:
@@ -303,7 +300,7 @@ class UseIndex:
                 del self._users[resource]
         return gone
 
-    def others(self, vehicle: str, *sets: Uses) -> Iterator[tuple[str, str]]:
+    def other_users(self, vehicle: str, *sets: Uses) -> Iterator[tuple[str, str]]:
         """Yield the other users of resources that ``vehicle`` cannot share with them, as (user, resource)."""
         for uses in sets:
             for resource, direction in uses.items():
@@ -311,7 +308,7 @@ class UseIndex:
                     if user != vehicle and (direction is None or direction != their_direction):
                         yield user, resource
 
-    def users(self, resource: str) -> frozenset[str]:
+    def users_of(self, resource: str) -> frozenset[str]:
         """Return the vehicles that use ``resource``."""
         return frozenset(vehicle for vehicle, _ in self._users.get(resource, ()))
 
@@ -417,17 +414,18 @@ class OccupancyFinder:
             (_box_around(places[path.source], places[path.destination]), path) for path in plant.paths
         )
 
-    def of(self, found: Found, box: BoundingBox) -> OccupiedResources:
+    def find_occupied(self, found: Found, box: BoundingBox) -> OccupiedResources:
         """Return what a vehicle of this size occupies."""
+        # The heading is not used: within this radius the vehicle may extend in any direction.
         reach_mm = box.length_mm / 2 + abs(box.reference_offset_x_mm)
         members = list(dict.fromkeys(self._names_under(found, reach_mm)))
-        under = self._resources.on(found.point, members)
+        under = self._resources.on_members(found.point, members)
         if found.on_point or found.place_mm is None:
             return OccupiedResources(under)
         point = self._plant.point(found.point)
         way_mm = hypot(point.x_mm - found.place_mm[0], point.y_mm - found.place_mm[1])
         return OccupiedResources(
-            under, self._resources.on(found.point, (found.point,), length_mm=round(way_mm))
+            under, self._resources.on_members(found.point, (found.point,), length_mm=round(way_mm))
         )
 
     def _names_under(self, found: Found, reach_mm: float) -> Iterator[str]:
@@ -440,15 +438,13 @@ class OccupancyFinder:
             near = hypot(point.x_mm - x_mm, point.y_mm - y_mm) < reach_mm
             if near and self._on_map(point.name, found):
                 yield point.name
-        if not found.on_point:
-            yield from self._paths_under(found, (x_mm, y_mm), reach_mm)
-
-    def _paths_under(self, found: Found, place_mm: tuple[float, float], reach_mm: float) -> Iterator[str]:
+        if found.on_point:
+            return
         points = self._plant.points_by_name
-        for path in self._paths.near(*place_mm, reach_mm):
+        for path in self._paths.near(x_mm, y_mm, reach_mm):
             source, target = points[path.source], points[path.destination]
             ends = ((source.x_mm, source.y_mm), (target.x_mm, target.y_mm))
-            if self._on_map(source.name, found) and _distance_mm(place_mm, *ends) < reach_mm:
+            if self._on_map(source.name, found) and _distance_mm(found.place_mm, *ends) < reach_mm:
                 yield path.name
 
     def _on_map(self, point: str, found: Found) -> bool:

@@ -88,7 +88,7 @@ class RouteSearch:
         self._burden: dict[str, float] = {}
         self._searched_with_burden = 0
 
-    def find(self, route_request: RouteRequest, without: Collection[str] = frozenset()) -> Route | None:
+    def find_route(self, route_request: RouteRequest, without: Collection[str] = frozenset()) -> Route | None:
         """Return the cheapest route, None for a straight drive; raises NoRouteError.
 
         ``without`` names resources that it must not use, in addition to those that the request avoids.
@@ -106,7 +106,7 @@ class RouteSearch:
         self._found[vehicle] = (start, route_request), route
         return route
 
-    def around(
+    def find_detour(
         self,
         vehicle: str,
         start: str,
@@ -121,7 +121,7 @@ class RouteSearch:
         current = self._allocated_routes[vehicle]
         ahead = current.way[current.allocated :]
         shares = defaultdict(float, self._burden_now())
-        self._count(shares, current, -1)
+        self._add_burden(shares, current, -1)  # its own traffic is none
         for held in occupied:
             for resource_set in held:
                 shares[resource_set.point] += STANDING
@@ -139,7 +139,7 @@ class RouteSearch:
         cost = burdened(burden)
         return detour if sum(map(cost, detour.steps)) < WORTH_IT * sum(map(cost, present)) else None
 
-    def forget(self, vehicle: str) -> None:
+    def forget_route(self, vehicle: str) -> None:
         """Drop the cached route of one vehicle."""
         self._found.pop(vehicle, None)
 
@@ -148,20 +148,17 @@ class RouteSearch:
         self._found.clear()
 
     def _burden_now(self) -> Mapping[str, float]:
-        """Return what traffic adds to costs; with many vehicles it is not recounted for each search."""
+        """Return what traffic adds to costs: to points ahead of vehicles, and to edges towards vehicles."""
+        # With many vehicles, one more route changes little, and counting takes as long as they are many.
         if self._searched_with_burden >= len(self._allocated_routes) // VEHICLES_PER_SEARCH:
-            self._burden, self._searched_with_burden = self._count_burden(), 0
+            burden: defaultdict[str, float] = defaultdict(float)
+            for current in self._allocated_routes.values():
+                self._add_burden(burden, current, 1)
+            self._burden, self._searched_with_burden = burden, 0
         self._searched_with_burden += 1
         return self._burden
 
-    def _count_burden(self) -> dict[str, float]:
-        """Return the share added to the cost of points ahead of vehicles, and of edges towards vehicles."""
-        burden: defaultdict[str, float] = defaultdict(float)
-        for current in self._allocated_routes.values():
-            self._count(burden, current, 1)
-        return burden
-
-    def _count(self, burden: defaultdict[str, float], current: AllocatedRoute, times: int) -> None:
+    def _add_burden(self, burden: defaultdict[str, float], current: AllocatedRoute, times: int) -> None:
         """Add what one vehicle adds to costs; with ``times`` -1, subtract it."""
         for resource_set in current.way[current.reached :]:
             burden[resource_set.point] += times * CONGESTION

@@ -9,6 +9,7 @@ from collections import Counter, defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import Enum, auto
+from itertools import chain
 
 from nena_order_service.traffic.resources import Occupant, ResourceSet, UseIndex, Uses
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
@@ -59,14 +60,14 @@ class Refusal:
             case WaitReason.RESTING:
                 code = R.STANDS_ON if is_one else R.STAND_ON
             case WaitReason.ORDER:
-                code, why = R.GOES_FIRST if is_one else R.GO_FIRST, self._why_first()
+                if self.turn_back_mm:
+                    metres = max(1, round(self.turn_back_mm / MM_PER_M))
+                    why = Reason(R.WOULD_TURN_BACK, metres=metres)
+                else:
+                    why = Reason(R.WOULD_BLOCK if self.between else R.WAITED_LONGER)
+                code = R.GOES_FIRST if is_one else R.GO_FIRST
                 return Reason(code, why, vehicles=names, at=self.resource)
         return Reason(code, vehicles=names, at=self.resource)
-
-    def _why_first(self) -> Reason:
-        if self.turn_back_mm:
-            return Reason(R.WOULD_TURN_BACK, metres=max(1, round(self.turn_back_mm / MM_PER_M)))
-        return Reason(R.WOULD_BLOCK if self.between else R.WAITED_LONGER)
 
 
 class UnknownOccupantError(LookupError):
@@ -85,6 +86,7 @@ class Scheduler:
         self._holds = UseIndex()
         self._claims = UseIndex()
         self._ends = UseIndex()
+        # What vehicles will rest on is indexed as well: who ends there must arrive after all who pass it.
         self._rests: dict[str, list[ResourceSet]] = {}
         self.changed: set[str] = set()
         """The vehicles that have moved or changed what they use; cleared by its reader."""
@@ -102,11 +104,11 @@ class Scheduler:
         return name in self._occupants
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def vehicle_names(self) -> tuple[str, ...]:
         """Return the names of the known vehicles."""
         return tuple(self._occupants)
 
-    def place(
+    def place_at_rest(
         self, name: str, place: Iterable[ResourceSet], length_mm: int, *, entry: ResourceSet | None = None
     ) -> None:
         """Place a vehicle at rest on ``place``, oldest set first, whether or not others are there.
@@ -134,8 +136,10 @@ class Scheduler:
         Return the refusal, in which case nothing has changed; None on success. Replaces an existing claim.
         """
         occupant = self.occupant(name)
+        # It may not claim what another one rests on: nothing says that this one will leave (decision 0021).
         if refusal := self._why_resting(name, way):
             return refusal
+        # Tried and taken back: the precedence that follows from a claim is only known once it is entered.
         last_claim, changed = tuple(occupant.claimed), name in self.changed
         self._set_claim(occupant, way)
         if refusal := self._find_cycle(name):
@@ -156,14 +160,20 @@ class Scheduler:
             raise LookupError(message)
         wanted = occupant.claimed[0]
         # Another vehicle may have stopped on the route since the claim, and must be able to leave.
-        if refusal := self._why_resting(name, occupant.claimed) or self._why_held(name, wanted):
+        if refusal := self._why_resting(name, occupant.claimed):
             return refusal
-        if refusal := self._why_behind(name, wanted):
-            return refusal
+        if holders := list(self._holds.other_users(name, wanted.uses)):
+            resting = all(self._occupants[holder].resting for holder, _ in holders)
+            names = tuple(dict.fromkeys(holder for holder, _ in holders))
+            return Refusal(WaitReason.RESTING if resting else WaitReason.HELD, names, holders[0][1])
+        # A free resource goes to the vehicle that must pass it first: otherwise the two would deadlock.
+        for claimer, resource in self._claims.other_users(name, wanted.uses):
+            if between := self._find_chain(claimer, name):
+                return Refusal(WaitReason.ORDER, (claimer,), resource, between, tuple(occupant.claimed))
         self.seize(name)
         return None
 
-    def resume(self, name: str, held: Sequence[ResourceSet], claimed: Sequence[ResourceSet]) -> None:
+    def restore_claim(self, name: str, held: Sequence[ResourceSet], claimed: Sequence[ResourceSet]) -> None:
         """Restore what a vehicle at rest held and claimed before, without checks."""
         occupant = self.occupant(name)
         for resource_set in held:
@@ -188,9 +198,9 @@ class Scheduler:
             occupant.claimed.appendleft(returned)
             self._add_use(self._claims, name, returned.uses)
 
-    def holders(self, resource: str) -> frozenset[str]:
+    def holders_of(self, resource: str) -> frozenset[str]:
         """Return the vehicles that hold ``resource``."""
-        return self._holds.users(resource)
+        return self._holds.users_of(resource)
 
     def arrive(self, name: str, index: int) -> bool:
         """Note that the vehicle has arrived at its ``index``-th held set; return whether that frees any."""
@@ -207,7 +217,7 @@ class Scheduler:
         """Drop a vehicle's claim; it keeps what it holds, because it may still drive there."""
         self._set_claim(self.occupant(name), ())
 
-    def sharing(self, name: str) -> tuple[str, str] | None:
+    def find_sharer(self, name: str) -> tuple[str, str] | None:
         """Return another vehicle on one of this one's exclusive resources, and the resource; or None."""
         return next(self._other_users(self._holds, name, self.occupant(name).held), None)
 
@@ -232,9 +242,11 @@ class Scheduler:
             else sum(resource_set.length_mm for resource_set in way[index + 1 :])
         )
 
-    def users(self, resource: str) -> frozenset[str]:
+    def users_of(self, resource: str) -> frozenset[str]:
         """Return the vehicles that hold, claim or will rest on ``resource``."""
-        return self._holds.users(resource) | self._claims.users(resource) | self._ends.users(resource)
+        return (
+            self._holds.users_of(resource) | self._claims.users_of(resource) | self._ends.users_of(resource)
+        )
 
     def resting_on(self, name: str, way: Iterable[ResourceSet]) -> tuple[str, ...]:
         """Return the vehicles that rest where ``name`` would have to pass or to stop."""
@@ -255,7 +267,8 @@ class Scheduler:
         count = 0
         for resource_set in way:
             if any(
-                self._occupants[holder].resting for holder, _ in self._holds.others(name, resource_set.uses)
+                self._occupants[holder].resting
+                for holder, _ in self._holds.other_users(name, resource_set.uses)
             ):
                 break
             count += 1
@@ -281,7 +294,7 @@ class Scheduler:
     def _other_users(
         self, index: UseIndex, name: str, sets: Iterable[ResourceSet]
     ) -> Iterator[tuple[str, str]]:
-        return index.others(name, *[resource_set.uses for resource_set in sets])
+        return index.other_users(name, *[resource_set.uses for resource_set in sets])
 
     def _why_resting(self, name: str, way: Iterable[ResourceSet]) -> Refusal | None:
         way = tuple(way)
@@ -290,32 +303,18 @@ class Scheduler:
                 return Refusal(WaitReason.RESTING, self.resting_on(name, way), resource)
         return None
 
-    def _why_held(self, name: str, wanted: ResourceSet) -> Refusal | None:
-        holders = list(self._holds.others(name, wanted.uses))
-        if not holders:
-            return None
-        resting = all(self._occupants[holder].resting for holder, _ in holders)
-        names = tuple(dict.fromkeys(holder for holder, _ in holders))
-        return Refusal(WaitReason.RESTING if resting else WaitReason.HELD, names, holders[0][1])
-
-    def _why_behind(self, name: str, wanted: ResourceSet) -> Refusal | None:
-        """Return the refusal by a vehicle that claims ``wanted`` and must go first, if any."""
-        for claimer, resource in self._claims.others(name, wanted.uses):
-            if between := self._find_chain(claimer, name):
-                claimed = tuple(self._occupants[name].claimed)
-                return Refusal(WaitReason.ORDER, (claimer,), resource, between, claimed)
-        return None
-
     def _find_cycle(self, name: str) -> Refusal | None:
         """Return the refusal by a vehicle that must go both before and after this one, if any."""
         ring = self._find_chain(name, name)
         if not ring:
             return None
-        first = ring[1] if len(ring) > 1 else name
-        resource = next(
-            (resource for vehicle, resource in self._vehicles_behind(name) if vehicle == first), ""
+        first, occupant = ring[1] if len(ring) > 1 else name, self._occupants[name]
+        behind = chain(
+            self._other_users(self._claims, name, occupant.held),
+            self._other_users(self._ends, name, occupant.claimed),
         )
-        return Refusal(WaitReason.ORDER, (first,), resource, ring, tuple(self._occupants[name].claimed))
+        resource = next((resource for vehicle, resource in behind if vehicle == first), "")
+        return Refusal(WaitReason.ORDER, (first,), resource, ring, tuple(occupant.claimed))
 
     def _find_chain(self, first: str, later: str) -> tuple[str, ...]:
         """Return the vehicles through which ``first`` must arrive before ``later``, starting with ``first``.
@@ -328,21 +327,15 @@ class Scheduler:
             name = open_ends.pop()
             followers = self._later.get(name, ())
             if later in followers:
-                chain = [name]
-                while came_from[chain[-1]]:
-                    chain.append(came_from[chain[-1]])
-                return tuple(reversed(chain))
+                links = [name]
+                while came_from[links[-1]]:
+                    links.append(came_from[links[-1]])
+                return tuple(reversed(links))
             for follower in followers:
                 if follower not in came_from:
                     came_from[follower] = name
                     open_ends.append(follower)
         return ()
-
-    def _vehicles_behind(self, name: str) -> Iterator[tuple[str, str]]:
-        """Yield the vehicles that cannot arrive before this one, and for which resource."""
-        occupant = self._occupants[name]
-        yield from self._other_users(self._claims, name, occupant.held)
-        yield from self._other_users(self._ends, name, occupant.claimed)
 
     def _add_use(self, index: UseIndex, name: str, uses: Uses) -> None:
         """Add a use, and the precedence that follows from it."""
@@ -357,12 +350,12 @@ class Scheduler:
     def _update_precedence(self, index: UseIndex, name: str, uses: Uses, count: int) -> None:
         # Others pass after the vehicle that holds a resource, and before one that will rest there.
         if index is self._claims:
-            for holder, _ in self._holds.others(name, uses):
+            for holder, _ in self._holds.other_users(name, uses):
                 self._put_behind(holder, name, count)
-            for rester, _ in self._ends.others(name, uses):
+            for rester, _ in self._ends.other_users(name, uses):
                 self._put_behind(name, rester, count)
         else:
-            for claimer, _ in self._claims.others(name, uses):
+            for claimer, _ in self._claims.other_users(name, uses):
                 first, later = (name, claimer) if index is self._holds else (claimer, name)
                 self._put_behind(first, later, count)
 
