@@ -20,7 +20,7 @@ async def test_order_service_is_forgotten_once_its_retained_status_is_cleared() 
     def publish(body: bytes) -> bool | None:
         for handler in link.mqtt._handlers(topic):
             handler(Inbound(topic, body, retained=False))
-        return model.order_service.up(Timestamp.of(clock))
+        return model.order_service.is_up(Timestamp.of(clock))
 
     last_will = ServiceStatus(online=False, timestamp=clock.now(), store_ready=False)
     assert publish(last_will.model_dump_json(by_alias=True).encode()) is False

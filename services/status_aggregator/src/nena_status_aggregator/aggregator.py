@@ -114,7 +114,7 @@ class Aggregator:
                 self.publish_changes()
             else:
                 self.link.report_connection()
-                self.model.advance(self.now())
+                self.model.update_conditions(self.now())
             await asyncio.sleep(self._interval)
 
     def _fleet_snapshot(self) -> tuple[int, bytes]:

@@ -236,7 +236,7 @@ class FleetSubscriber:
         if len(self._undated) >= UNDATED_REMEMBERED:
             self._undated.clear()
         sequence = self._undated.setdefault((key, kind), messages.Sequence())
-        if sequence.assess(header_id, NO_TIME, payload) is Verdict.NEW:
+        if sequence.assess_message(header_id, NO_TIME, payload) is Verdict.NEW:
             return True
         self._model.on_ignored(key, kind, f"headerId {header_id}", at)
         return False
@@ -303,7 +303,7 @@ class FleetSubscriber:
 
     def _read_service_status(self, inbound: Inbound, at: Timestamp) -> None:
         if not inbound.payload:
-            self._model.order_service.lose()
+            self._model.order_service.forget_status()
         elif self._epochs.is_current(inbound.payload):
             status = ServiceStatus.model_validate_json(inbound.payload)
             self._model.on_service_status(status, at, retained=inbound.retained)

@@ -14,7 +14,7 @@ from nena_status_aggregator.fleet.condition import (
     ConditionInputs,
     RosSession,
     SessionState,
-    assess,
+    assess_condition,
     ros_session,
     session_of,
 )
@@ -38,7 +38,7 @@ def inputs_of(**fields: Any) -> ConditionInputs:
 
 
 def conclude(**fields: Any) -> tuple[Condition, str]:
-    condition, reason = assess(inputs_of(**fields))
+    condition, reason = assess_condition(inputs_of(**fields))
     return condition, reason.text
 
 
@@ -57,7 +57,7 @@ def test_idle_reason_is_that_of_the_order_service() -> None:
 @pytest.mark.parametrize("charging", [False, True])
 def test_a_robot_that_the_order_service_has_taken_out_needs_a_person(charging: bool) -> None:  # noqa: FBT001
     power = {"state_of_charge": 50.0, "charging": charging}
-    condition, reason = assess(
+    condition, reason = assess_condition(
         inputs_of(state=state(power_supply=power), taken_out=True, fleet_remark="was taken out")
     )
 
@@ -209,7 +209,7 @@ def test_emergency_stop_error_and_lost_position_are_urgent(fields: dict[str, Any
         silence_limit=35.0,
         link_up=True,
     )
-    assert assess(inputs)[1].urgent is urgent
+    assert assess_condition(inputs)[1].urgent is urgent
 
 
 def test_the_worst_error_is_the_reason() -> None:

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from nena_shared.vda5050.state import State
-from nena_status_aggregator.fleet.events import changes
+from nena_status_aggregator.fleet.events import state_changes
 from support.fleet_examples import position, way
 from support.fleet_records import state
 
@@ -14,7 +14,7 @@ ERROR = {"error_type": "orderError", "error_level": "CRITICAL", "error_descripti
 
 def changes_of(before: State | None, now: State) -> dict[str, Any]:
     """Return the values of the changes by code."""
-    return {change.code.value: change.values for change in changes(before, now)}
+    return {change.code.value: change.values for change in state_changes(before, now)}
 
 
 def action(status: str, name: str = "a1") -> dict[str, Any]:

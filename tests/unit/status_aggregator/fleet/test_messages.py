@@ -11,7 +11,7 @@ from support.fleet_examples import START
 
 
 def assess(sequence: Sequence, number: int, seconds: float) -> Verdict:
-    return sequence.assess(number, START + timedelta(seconds=seconds))
+    return sequence.assess_message(number, START + timedelta(seconds=seconds))
 
 
 def assessed(*messages: tuple[int, float]) -> list[str]:

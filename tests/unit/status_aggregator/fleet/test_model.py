@@ -12,7 +12,7 @@ from nena_shared.plant.model import PlantModel
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.messages import MessageKind
 from nena_status_aggregator.fleet.model import FleetModel, MapCache, ModelLimits, RobotRegistry
-from nena_status_aggregator.fleet.publication import Delta, apply
+from nena_status_aggregator.fleet.publication import Delta, apply_delta
 from nena_status_aggregator.fleet.robot import Timestamp
 from nena_status_aggregator.fleet.views import RobotView
 from support.fleet_examples import (
@@ -327,7 +327,7 @@ def test_deltas_connect_snapshots_for_any_messages(
         delta: Delta | None = fleet.flush(at(now))
         if delta is not None:
             assert delta["id"] == view["id"] + 1
-            view = apply(deepcopy(delta), view)
+            view = apply_delta(deepcopy(delta), view)
         snapshot = fleet.snapshot()
         assert by_id(view["robots"]) == by_id(snapshot["robots"])
         assert by_id(view["orders"]) == by_id(snapshot["orders"])
@@ -341,11 +341,11 @@ def test_conditions_advance_without_clients_and_the_next_delta_is_complete() -> 
     fleet.on_state(ROBOT, state(), at(0))
     assert fleet.flush(at(0)) is not None
     fleet.on_state(ROBOT, state(2, at=1, driving=True), at(1))
-    fleet.advance(at(1))
+    fleet.update_conditions(at(1))
     robot = fleet.robots.get(ROBOT)
     assert robot is not None
     assert (robot.condition, fleet.snapshot()["robots"][0]["condition"]) == ("BUSY", "IDLE")
-    fleet.advance(at(9))
+    fleet.update_conditions(at(9))
     delta = fleet.flush(at(10))
     assert delta is not None
     assert (delta["id"], delta["robots"][0]["condition"]) == (2, "SILENT")
@@ -380,18 +380,18 @@ OTHER = "fedcba9876543210"
 
 def test_equal_maps_are_stored_once() -> None:
     cache = MapCache()
-    first = cache.shared(robot_map())
-    assert cache.shared(robot_map()) is first
-    assert cache.shared(robot_map(OTHER)) is not first
+    first = cache.share_map(robot_map())
+    assert cache.share_map(robot_map()) is first
+    assert cache.share_map(robot_map(OTHER)) is not first
     elsewhere = robot_map(x=5.0)
-    assert cache.shared(elsewhere) is elsewhere, "the same digest does not make it the same map"
+    assert cache.share_map(elsewhere) is elsewhere, "the same digest does not make it the same map"
 
 
 def test_map_beyond_the_limit_is_refused_until_another_is_freed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("nena_status_aggregator.fleet.model.ROOM", 2 * len(robot_map().png) - 1)
     cache = MapCache()
-    first = cache.shared(robot_map())
+    first = cache.share_map(robot_map())
     assert first is not None
-    assert cache.shared(robot_map(OTHER)) is None
+    assert cache.share_map(robot_map(OTHER)) is None
     del first
-    assert cache.shared(robot_map(OTHER)) is not None
+    assert cache.share_map(robot_map(OTHER)) is not None

@@ -18,10 +18,10 @@ class Bench:
     def receive(self, *, online: bool, ahead: float = 0.0, retained: bool = False) -> None:
         sent = self.clock.now() + timedelta(seconds=ahead)
         status = ServiceStatus(online=online, timestamp=sent, store_ready=online)
-        self.watch.receive(status, Timestamp.of(self.clock), retained=retained)
+        self.watch.apply_status(status, Timestamp.of(self.clock), retained=retained)
 
     def up(self) -> bool | None:
-        return self.watch.up(Timestamp.of(self.clock))
+        return self.watch.is_up(Timestamp.of(self.clock))
 
 
 def test_unknown_without_a_status() -> None:
@@ -51,7 +51,7 @@ def test_last_will_takes_effect_immediately() -> None:
 def test_unknown_without_the_broker() -> None:
     bench = Bench()
     bench.receive(online=True, ahead=3.0)
-    bench.watch.lose()
+    bench.watch.forget_status()
     assert (bench.up(), bench.watch.store_ready, bench.watch.skew.seconds) == (None, None, None)
 
 

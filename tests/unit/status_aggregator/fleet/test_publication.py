@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_shared.vda5050.topics import RobotKey
-from nena_status_aggregator.fleet.publication import Delta, Publication, apply
+from nena_status_aggregator.fleet.publication import Delta, Publication, apply_delta
 from nena_status_aggregator.fleet.views import OrderView, PeripheralView, RobotView
 
 NAMES = ("r1", "r2", "r3")
@@ -46,13 +46,13 @@ def test_deltas_lead_from_one_snapshot_to_the_next(steps: list[tuple[str, str, i
     for kind, name, number in [*steps, ("flush", "", None)]:
         if kind == "robot":
             robots[name] = number
-            publication.robots.touch(RobotKey("ACME", name))
+            publication.robots.mark_touched(RobotKey("ACME", name))
         elif kind == "order":
             orders[name] = number
-            publication.orders.touch(name)
+            publication.orders.mark_touched(name)
         elif kind == "peripheral":
             peripherals[name] = number
-            publication.peripherals.touch(name)
+            publication.peripherals.mark_touched(name)
         elif kind == "link":
             publication.link = {"connected": bool(number), "since": None}
         else:
@@ -66,7 +66,7 @@ def test_deltas_lead_from_one_snapshot_to_the_next(steps: list[tuple[str, str, i
                 assert snapshot["id"] == reader["id"]
             else:
                 assert delta["id"] == reader["id"] + 1
-                reader = apply(delta, reader)
+                reader = apply_delta(delta, reader)
             assert {each["id"]: each for each in reader["robots"]} == {
                 each["id"]: each for each in snapshot["robots"]
             }
@@ -85,7 +85,7 @@ def test_delta_contains_only_changes() -> None:
     key = RobotKey("ACME", "r1")
 
     def flush() -> Delta | None:
-        publication.robots.touch(key)
+        publication.robots.mark_touched(key)
         return publication.flush(
             lambda each: robot(each.serial_number, numbers.get(each.serial_number)),
             lambda _: None,

@@ -172,9 +172,9 @@ def test_chain_leads_through_uncounted_robots_of_other_shares() -> None:
 def test_robots_of_other_shares_have_a_limit() -> None:
     queues = Queues(JamLimits())
     for number in range(10):
-        queues.see_elsewhere(elsewhere(number, 99), limit=2)
-    queues.see_elsewhere(elsewhere(1, 98), limit=2)
-    queues.line_up(timestamp(0))
+        queues.update_elsewhere(elsewhere(number, 99), limit=2)
+    queues.update_elsewhere(elsewhere(1, 98), limit=2)
+    queues.update_chains(timestamp(0))
     assert {name: chain.head for name, chain in queues.chains.items()} == {"V-0": "V-99", "V-1": "V-98"}
 
 

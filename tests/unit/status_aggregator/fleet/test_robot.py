@@ -26,7 +26,7 @@ def at(seconds: float) -> Timestamp:
 
 
 def condition_of(robot: Robot, seconds: float) -> Condition:
-    robot.assess(at(seconds), None, link_up=True)
+    robot.update_condition(at(seconds), None, link_up=True)
     return robot.condition
 
 
@@ -53,16 +53,16 @@ def test_silent_after_the_limit_and_back_with_the_next_state() -> None:
 def test_falling_silent_is_reported_once_per_silence() -> None:
     robot = Robot(ROBOT, at(0))
     robot.on_state(state(), at(0), retained=False)
-    silent = [robot.falls_silent(at(seconds), None) for seconds in (10, 36, 37)]
+    silent = [robot.notice_silence(at(seconds), None) for seconds in (10, 36, 37)]
     robot.on_state(state(2), at(40), retained=False)
-    silent += [robot.falls_silent(at(seconds), None) for seconds in (41, 80)]
+    silent += [robot.notice_silence(at(seconds), None) for seconds in (41, 80)]
     assert silent == [False, True, False, False, True]
 
 
 def test_age_of_a_retained_state_is_from_its_timestamp() -> None:
     robot = Robot(ROBOT, at(0))
     robot.on_state(state(at=-100), at(0), retained=True)
-    assert robot.age(at(5)) == pytest.approx(105)
+    assert robot.state_age(at(5)) == pytest.approx(105)
     assert robot.skew.seconds is None
     assert condition_of(robot, 5) is Condition.SILENT
 
@@ -91,7 +91,7 @@ def test_visualization_updates_the_position_only() -> None:
     robot.on_visualization(visualization(x=4.0))
     assert robot.position is not None
     assert robot.position.x == 4.0
-    assert robot.age(at(10)) == 10
+    assert robot.state_age(at(10)) == 10
 
 
 def test_times_are_written_with_milliseconds() -> None:
@@ -102,7 +102,7 @@ def test_times_are_written_with_milliseconds() -> None:
 def driven(*positions: MobileRobotPosition | None) -> float:
     odometer = Odometer()
     for each in positions:
-        odometer.follow(each)
+        odometer.add_position(each)
     return odometer.meters
 
 
@@ -124,7 +124,7 @@ def test_jumps_do_not_count_as_driving(jump: MobileRobotPosition | None) -> None
 
 
 def follow(progress: OrderProgress, **fields: Any) -> float:
-    progress.follow(state(**fields))
+    progress.update_from(state(**fields))
     return progress.percent
 
 
@@ -179,7 +179,7 @@ def test_always_between_0_and_100(states: list[tuple[int, int, int, str]]) -> No
 
 
 PLANT = PlantModel(name="p", properties={"nena:mapTransform.hall": "scale=2 rotation=90 x=20"})
-TURNED = PlantFrame.of(PLANT)
+TURNED = PlantFrame.from_plant(PLANT)
 """(x, y) of the plant is (20 - 2y, 2x) on the map."""
 
 
@@ -205,21 +205,21 @@ def xy(position: MobileRobotPosition | None) -> tuple[float, float] | None:
 def test_position_is_converted_from_the_robots_frame(
     sheet: Factsheet | None, shown: tuple[float, float] | None
 ) -> None:
-    position = TURNED.position(place(10.0, 0.0), sheet)
+    position = TURNED.to_plant_position(place(10.0, 0.0), sheet)
     assert xy(position) == (shown and pytest.approx(shown))
-    assert TURNED.place(10.0, 0.0, "hall", sheet) == (shown and pytest.approx(shown))
+    assert TURNED.to_plant_point(10.0, 0.0, "hall", sheet) == (shown and pytest.approx(shown))
 
 
 def test_map_without_a_transform_is_in_the_plant_frame() -> None:
-    assert TURNED.position(place(10.0, 0.0, map_id="roof"), None) == place(10.0, 0.0, map_id="roof")
-    assert TURNED.place(10.0, 0.0, None, None) == (10.0, 0.0)
-    assert TURNED.position(None, None) is None
-    assert PlantFrame.of(None).place(1.0, 2.0, "hall", None) == (1.0, 2.0)
+    assert TURNED.to_plant_position(place(10.0, 0.0, map_id="roof"), None) == place(10.0, 0.0, map_id="roof")
+    assert TURNED.to_plant_point(10.0, 0.0, None, None) == (10.0, 0.0)
+    assert TURNED.to_plant_position(None, None) is None
+    assert PlantFrame.from_plant(None).to_plant_point(1.0, 2.0, "hall", None) == (1.0, 2.0)
 
 
 def test_invalid_transforms_are_ignored() -> None:
     nonsense = PlantModel(name="p", properties={"nena:mapTransform.hall": "twice as big"})
-    assert PlantFrame.of(nonsense) == PlantFrame()
+    assert PlantFrame.from_plant(nonsense) == PlantFrame()
 
 
 def test_positions_are_transformed_by_a_later_plant_model() -> None:

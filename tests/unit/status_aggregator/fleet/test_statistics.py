@@ -16,13 +16,13 @@ from support.fleet_examples import START, order_status
 
 def test_labels_stay_bounded() -> None:
     labels = BoundedLabels(2, {"known"})
-    assert [labels.of(each) for each in ("known", "a", "b", "a")] == ["known", "a", "other", "a"]
+    assert [labels.label_for(each) for each in ("known", "a", "b", "a")] == ["known", "a", "other", "a"]
 
 
 def test_odd_labels_count_as_other() -> None:
     labels = BoundedLabels(10)
-    assert labels.of("x" * (LABEL_LENGTH + 1)) == "other"
-    assert labels.of("two\nlines") == "other"
+    assert labels.label_for("x" * (LABEL_LENGTH + 1)) == "other"
+    assert labels.label_for("two\nlines") == "other"
 
 
 def test_durations_fall_into_classes() -> None:
@@ -35,7 +35,7 @@ def test_durations_fall_into_classes() -> None:
 
 def test_an_end_is_counted_with_its_duration() -> None:
     statistics = Statistics()
-    statistics.count_end(
+    statistics.count_ended_order(
         order_status(state=TransportOrderState.FINISHED, finished=START + timedelta(seconds=42))
     )
     assert statistics.orders_ended == {"FINISHED": 1}
@@ -50,5 +50,5 @@ def test_an_order_that_gave_way_is_no_failure() -> None:
         code="withdrawn", causes=(CodedReason(code="gives_way"), CodedReason(code="details"))
     )
     for reason in (given_up, by_a_person, broken):
-        statistics.count_end(order_status(state=TransportOrderState.FAILED, coded_reason=reason))
+        statistics.count_ended_order(order_status(state=TransportOrderState.FAILED, coded_reason=reason))
     assert statistics.orders_ended == {"FAILED": 2}

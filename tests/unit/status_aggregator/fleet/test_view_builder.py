@@ -7,7 +7,7 @@ from nena_shared.fleet_api.transport_order import Coordinate, Destination, Hold
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_status_aggregator.fleet.orders import TrackedOrder
 from nena_status_aggregator.fleet.robot import Robot, Timestamp
-from nena_status_aggregator.fleet.view_builder import LIST_LIMIT, place, view_order, view_robot
+from nena_status_aggregator.fleet.view_builder import LIST_LIMIT, destination_text, view_order, view_robot
 from nena_status_aggregator.fleet.views import RobotView
 from support.clocks import ManualClock
 from support.fleet_examples import ROBOT, START, factsheet, order_status
@@ -86,7 +86,7 @@ def test_pose_of_the_grid_map_is_published() -> None:
 
 
 def test_a_coordinate_is_named_by_its_metres() -> None:
-    assert place(Destination(coordinate=Coordinate(x=1.0, y=-2.345))) == "(1.00, -2.35)"
+    assert destination_text(Destination(coordinate=Coordinate(x=1.0, y=-2.345))) == "(1.00, -2.35)"
 
 
 def test_an_order_as_hosts_know_it() -> None:

@@ -33,7 +33,7 @@ class RobotResource(RobotView):
 def with_age(aggregator: Aggregator, view: RobotView) -> RobotResource:
     """Add the age of the last state to a robot's view."""
     robot = aggregator.model.robots.get(RobotKey(view["manufacturer"], view["serialNumber"]))
-    age = robot.age(aggregator.now()) if robot else None
+    age = robot.state_age(aggregator.now()) if robot else None
     return {**view, "stateAge": None if age is None else round(age, 3)}
 
 

@@ -12,9 +12,9 @@ from nena_shared.fleet_api.stops import VehicleStop
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.vda5050.action import ActionState, ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
-from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
+from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from nena_shared.vda5050.own_actions import ROS_SESSION
-from nena_shared.vda5050.state import EmergencyStop, NodeState, OperatingMode, State
+from nena_shared.vda5050.state import EmergencyStop, OperatingMode, State
 
 
 class Condition(StrEnum):
@@ -151,36 +151,45 @@ class ConditionInputs:
 Assessment = tuple[Condition, ConditionReason]
 
 
-def assess(inputs: ConditionInputs) -> Assessment:
+def assess_condition(inputs: ConditionInputs) -> Assessment:
     """Return the condition of a robot and the reason for it."""
-    if away := _away(inputs):
-        return away
+    if absence := _assess_connection(inputs):
+        return absence
     state = inputs.state
     if state is None:
-        return _no_state(inputs)
+        return _assess_stateless(inputs)
+    # One late state among many is normal; only if nothing else arrives are ignored states an error.
     problem = inputs.unreadable or (inputs.ignored if inputs.overdue else "")
     if problem and inputs.link_up:
         return Condition.ERROR, ConditionReason("unreadable", {"problem": problem})
     if inputs.overdue:
-        return Condition.SILENT, _silence_reason(inputs)
-    return _held(state, inputs.stop) or _working(state, inputs) or _assigned(inputs) or _free(state, inputs)
+        values: dict[str, str | float] = {"since": clock_text(inputs.state_time)}
+        if inputs.link_up:
+            values["limit"] = round(inputs.silence_limit)
+        return Condition.SILENT, ConditionReason("silent" if inputs.link_up else "blind", values)
+    return (
+        _assess_hindrance(state, inputs.stop)
+        or _assess_work(state, inputs)
+        or _assess_assignment(inputs)
+        or _assess_free(state, inputs)
+    )
 
 
-def _away(inputs: ConditionInputs) -> Assessment | None:
+def _assess_connection(inputs: ConditionInputs) -> Assessment | None:
     match inputs.connection:
         case ConnectionState.OFFLINE:
-            assessment = Condition.OFFLINE, "offline"
+            condition, code = Condition.OFFLINE, "offline"
         case ConnectionState.HIBERNATING:
-            assessment = Condition.OFFLINE, "hibernating"
+            condition, code = Condition.OFFLINE, "hibernating"
+        # A robot that sends states is connected, whatever an old last will at the broker says.
         case ConnectionState.CONNECTION_BROKEN if not inputs.state_after_connection:
-            assessment = Condition.BROKEN, "broken"
+            condition, code = Condition.BROKEN, "broken"
         case _:
             return None
-    condition, code = assessment
     return condition, ConditionReason(code, {"since": clock_text(inputs.connection_since)})
 
 
-def _no_state(inputs: ConditionInputs) -> Assessment:
+def _assess_stateless(inputs: ConditionInputs) -> Assessment:
     if inputs.problem:
         return Condition.ERROR, ConditionReason("unreadable", {"problem": inputs.problem})
     if inputs.connection is None and inputs.fleet_remark is not None:
@@ -190,28 +199,26 @@ def _no_state(inputs: ConditionInputs) -> Assessment:
     return Condition.SILENT, ConditionReason("stateless")
 
 
-def _silence_reason(inputs: ConditionInputs) -> ConditionReason:
-    since = clock_text(inputs.state_time)
-    if not inputs.link_up:
-        return ConditionReason("blind", {"since": since})
-    return ConditionReason("silent", {"since": since, "limit": round(inputs.silence_limit)})
-
-
 def clock_text(moment: datetime) -> str:
     """Format a time for a sentence: UTC, to the second."""
     return f"{iso(moment)[11:19]} UTC"
 
 
-def _held(state: State, stop: VehicleStop | None) -> Assessment | None:
+def _assess_hindrance(state: State, stop: VehicleStop | None) -> Assessment | None:
+    """Return the condition of a robot that needs a person or the end of a pause to go on."""
     if state.operating_mode not in (OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC):
         return Condition.MANUAL, ConditionReason("mode", {"mode": state.operating_mode.value})
-    error = worst_error(state)
+    levels = list(ErrorLevel)
+    error = max(state.errors, key=lambda entry: levels.index(entry.error_level), default=None)
+    # VDA 5050 3.0, 6.6.5: WARNING and URGENT do not stop the robot.
     if error and error.error_level in (ErrorLevel.FATAL, ErrorLevel.CRITICAL):
-        return Condition.ERROR, _error_reason(error)
-    return _blocked(state, stop)
+        sentences = [text for text in (error.error_description, error.error_hint) if text]
+        text = " ".join(sentences) or f"no description (level {error.error_level})."
+        return Condition.ERROR, ConditionReason("error", {"type": error.error_type, "description": text})
+    return _assess_blocked(state, stop)
 
 
-def _blocked(state: State, stop: VehicleStop | None) -> Assessment | None:
+def _assess_blocked(state: State, stop: VehicleStop | None) -> Assessment | None:
     if state.safety_state.active_emergency_stop is not EmergencyStop.NONE:
         by_hand = state.safety_state.active_emergency_stop is EmergencyStop.MANUAL
         return Condition.BLOCKED, ConditionReason(
@@ -229,10 +236,10 @@ def _blocked(state: State, stop: VehicleStop | None) -> Assessment | None:
     return None
 
 
-def _working(state: State, inputs: ConditionInputs) -> Assessment | None:
+def _assess_work(state: State, inputs: ConditionInputs) -> Assessment | None:
     action = _open_action(state.action_states) or _open_action(state.instant_action_states)
     if state.node_states or state.edge_states:
-        reason = _way_reason(state, action)
+        reason = _route_reason(state, action)
         if reason.code != "waiting_for_release":
             return Condition.BUSY, reason
         return Condition.WAITING, _wait_reason(inputs) or reason
@@ -243,10 +250,11 @@ def _working(state: State, inputs: ConditionInputs) -> Assessment | None:
     return None
 
 
-def _assigned(inputs: ConditionInputs) -> Assessment | None:
+def _assess_assignment(inputs: ConditionInputs) -> Assessment | None:
     """Return the condition of a stationary robot that is assigned to an order."""
     if waits := _wait_reason(inputs):
         return Condition.WAITING, waits
+    # A robot with a recharge order at its charger works on nothing that a person waits for: CHARGING.
     charging = inputs.state is not None and inputs.state.power_supply.charging
     if inputs.transport_order is None or charging:
         return None
@@ -267,40 +275,30 @@ def _wait_reason(inputs: ConditionInputs) -> ConditionReason | None:
     return ConditionReason("waits_other", values, coded=wait.coded_reason)
 
 
-def _free(state: State, inputs: ConditionInputs) -> Assessment:
+def _assess_free(state: State, inputs: ConditionInputs) -> Assessment:
     remark, coded = inputs.fleet_remark, inputs.coded_remark
     if inputs.taken_out and remark:
         return Condition.ERROR, ConditionReason("taken_out", {"why": remark}, coded=coded)
     if state.power_supply.charging:
-        return Condition.CHARGING, ConditionReason(
-            "charging", {"charge": round(state.power_supply.state_of_charge)}
-        )
-    return Condition.IDLE, ConditionReason(
-        "idle_why", {"why": remark}, coded=coded
-    ) if remark else ConditionReason("idle")
+        charge = round(state.power_supply.state_of_charge)
+        return Condition.CHARGING, ConditionReason("charging", {"charge": charge})
+    if remark:
+        return Condition.IDLE, ConditionReason("idle_why", {"why": remark}, coded=coded)
+    return Condition.IDLE, ConditionReason("idle")
 
 
-def worst_error(state: State) -> ErrorEntry | None:
-    """Return the first error of the highest level."""
-    if not state.errors:
-        return None
-    levels = list(ErrorLevel)
-    return max(state.errors, key=lambda each: levels.index(each.error_level))
-
-
-def _error_reason(error: ErrorEntry) -> ConditionReason:
-    sentences = [text for text in (error.error_description, error.error_hint) if text]
-    described = " ".join(sentences) or f"no description (level {error.error_level})."
-    return ConditionReason("error", {"type": error.error_type, "description": described})
-
-
-def _way_reason(state: State, action: ActionState | None) -> ConditionReason:
+def _route_reason(state: State, action: ActionState | None) -> ConditionReason:
     upcoming = state.node_states[0] if state.node_states else None
     target: dict[str, str | float] = {
         "place": state.last_node_id or "?",
         "next": upcoming.node_id if upcoming else "?",
     }
-    shown = {"next": _name_of(upcoming)} if upcoming else {}
+    shown: dict[str, str] = {}
+    if upcoming:
+        at = upcoming.node_position
+        # The IDs of coordinate nodes hold an order's name and mean nothing to a reader.
+        is_coordinate = at and upcoming.node_id.startswith(COORDINATE_NODES)
+        shown["next"] = f"x {at.x:.2f}, y {at.y:.2f}" if at and is_coordinate else upcoming.node_id
     if state.driving:
         return ConditionReason("driving", target, shown)
     if action and action.action_status is not ActionStatus.WAITING:
@@ -308,13 +306,6 @@ def _way_reason(state: State, action: ActionState | None) -> ConditionReason:
     if upcoming and not upcoming.released:
         return ConditionReason("waiting_for_release", target, shown)
     return ConditionReason("standing", target, shown)
-
-
-def _name_of(node: NodeState) -> str:
-    at = node.node_position
-    if at is None or not node.node_id.startswith(COORDINATE_NODES):
-        return node.node_id
-    return f"x {at.x:.2f}, y {at.y:.2f}"
 
 
 def _action_reason(state: State, action: ActionState) -> ConditionReason:
@@ -328,8 +319,8 @@ def _action_reason(state: State, action: ActionState) -> ConditionReason:
 def _open_action(actions: tuple[ActionState, ...]) -> ActionState | None:
     """Return the action in progress, else the first waiting one."""
     still_open = [action for action in actions if not action.action_status.ended]
-    begun = (each for each in still_open if each.action_status is not ActionStatus.WAITING)
-    return next(begun, still_open[0] if still_open else None)
+    started = (action for action in still_open if action.action_status is not ActionStatus.WAITING)
+    return next(started, still_open[0] if still_open else None)
 
 
 class SessionState(StrEnum):

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from math import hypot
 
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
-from nena_shared.vda5050.state import MobileRobotPosition, State
+from nena_shared.vda5050.state import State
 from nena_status_aggregator.fleet.condition import Condition, ConditionReason
-from nena_status_aggregator.fleet.events import Code, Event, Values, changes
+from nena_status_aggregator.fleet.events import Code, Event, Values, state_changes
 from nena_status_aggregator.fleet.robot import Robot, Timestamp
 from nena_status_aggregator.fleet.statistics import Statistics
 from nena_status_aggregator.fleet.view_builder import short, view_reason
@@ -37,46 +37,45 @@ class EventLog:
         self._started = False
         """Whether the program has been connected to the broker."""
 
-    def state(self, robot: Robot, before: State | None, now: State, at: Timestamp) -> None:
+    def log_state(self, robot: Robot, before: State | None, now: State, at: Timestamp) -> None:
         """Log the changes between two states."""
-        for change in changes(before, now):
+        for change in state_changes(before, now):
             self._statistics.count_change(change.code, change.values)
             values = change.values
             if change.code is Code.ORDER_ENDED:
                 distance, empty = robot.odometer.end_trip()
                 values = {**values, "distance": distance, "emptyDistance": empty}
-            self._of_robot(robot, change.code, change.text, values, at)
+            self._publish_robot_event(robot, change.code, change.text, values, at)
 
-    def position(self, robot: Robot, at: Timestamp) -> None:
+    def log_position(self, robot: Robot, at: Timestamp) -> None:
         """Log a position that is far enough from the last logged one."""
-        here, last = robot.position, robot.tracked
-        if not self._track_distance or here is None:
+        position, last = robot.position, robot.tracked
+        if not self._track_distance or position is None:
             return
-        near = (
-            last is not None
-            and last.map_id == here.map_id
-            and _distance_between(last, here) < self._track_distance
-        )
-        if near:
+        is_same_map = last is not None and last.map_id == position.map_id
+        if last and is_same_map and hypot(position.x - last.x, position.y - last.y) < self._track_distance:
             return
-        robot.tracked = here
-        values: Values = {"x": here.x, "y": here.y, "theta": here.theta, "mapId": here.map_id}
-        self._of_robot(robot, Code.POSITION, f"At {here.x:.2f}, {here.y:.2f}.", values, at)
+        robot.tracked = position
+        values: Values = {"x": position.x, "y": position.y, "theta": position.theta, "mapId": position.map_id}
+        self._publish_robot_event(robot, Code.POSITION, f"At {position.x:.2f}, {position.y:.2f}.", values, at)
 
-    def connection(self, robot: Robot, before: str | None, at: Timestamp) -> None:
+    def log_connection(self, robot: Robot, before: str | None, at: Timestamp) -> None:
         """Log a change of the connection state."""
-        now = robot.connection.connection_state.value if robot.connection else None
-        if now != before:
-            text = f"Connection {now}."
-            self._of_robot(robot, Code.CONNECTION, text, {"state": now, "before": before}, at)
+        state = robot.connection.connection_state.value if robot.connection else None
+        if state != before:
+            text = f"Connection {state}."
+            self._publish_robot_event(robot, Code.CONNECTION, text, {"state": state, "before": before}, at)
 
-    def condition(self, robot: Robot, before: tuple[Condition, ConditionReason], at: Timestamp) -> None:
+    def log_condition(self, robot: Robot, before: tuple[Condition, ConditionReason], at: Timestamp) -> None:
         """Log a new condition, or a new reason for not moving."""
         condition, reason = before
         changed = condition is not robot.condition
         if changed or (robot.condition in NOT_MOVING and reason.code != robot.reason.code):
             values: Values = {
-                **{key: _shorten_value(value) for key, value in robot.reason.values.items()},
+                **{
+                    key: short(value) if isinstance(value, str) else value
+                    for key, value in robot.reason.values.items()
+                },
                 **robot.reason.shown,
                 "condition": robot.condition.value,
                 "before": condition.value,
@@ -84,15 +83,17 @@ class EventLog:
             }
             if coded := view_reason(robot.reason.coded):
                 values["codedReason"] = coded
-            self._of_robot(robot, Code.CONDITION, short(robot.reason.text) or "", values, at)
+            self._publish_robot_event(robot, Code.CONDITION, short(robot.reason.text) or "", values, at)
 
-    def forgotten(self, robot: Robot, at: Timestamp) -> None:
+    def log_forgotten(self, robot: Robot, at: Timestamp) -> None:
         """Log that a silent robot was removed."""
-        self._of_robot(
+        self._publish_robot_event(
             robot, Code.ROBOT_FORGOTTEN, "Removed for a new robot: no messages for too long.", {}, at
         )
 
-    def order(self, before: TransportOrderStatus | None, now: TransportOrderStatus, at: Timestamp) -> None:
+    def log_order(
+        self, before: TransportOrderStatus | None, now: TransportOrderStatus, at: Timestamp
+    ) -> None:
         """Log a new state or reason of a transport order."""
         if before and (before.state, before.reason) == (now.state, now.reason):
             return
@@ -104,42 +105,31 @@ class EventLog:
             "vehicle": now.processing_vehicle,
         }
         if now.state.final:
-            values.update(_end_values(now))
+            # Reports are computed from the history alone, when the order itself may be forgotten.
+            seconds = (now.finished - now.created).total_seconds() if now.finished else None
+            values |= {
+                "leadTime": None if seconds is None else max(0.0, seconds),
+                "late": now.late if now.deadline else None,
+                "automatic": now.automatic,
+                "gaveWay": now.gave_way,
+            }
         text = f"{now.state}: {values['reason']}"
         self._publish(Event(at.utc, Code.TRANSPORT_ORDER, text, order=now.name, values=values))
 
-    def link(self, *, connected: bool, at: Timestamp) -> None:
+    def log_link(self, *, connected: bool, at: Timestamp) -> None:
         """Log that the broker connection was established or lost."""
         text = "Connected to the broker." if connected else "Connection to the broker lost."
         values: Values = {"connected": connected}
+        # Reports must not count the time before a start as a loss of the connection.
         if connected and not self._started:
             self._started = values["started"] = True
         self._publish(Event(at.utc, Code.LINK, text, values=values))
 
-    def _of_robot(self, robot: Robot, code: Code, text: str, values: Values, at: Timestamp) -> None:
-        self._publish(Event(at.utc, code, text, robot.id, _order_of(robot), values))
-
-
-def _end_values(order: TransportOrderStatus) -> Values:
-    """Return what reports need of an ended order."""
-    seconds = (order.finished - order.created).total_seconds() if order.finished else None
-    return {
-        "leadTime": None if seconds is None else max(0.0, seconds),
-        "late": order.late if order.deadline else None,
-        "automatic": order.automatic,
-        "gaveWay": order.gave_way,
-    }
-
-
-def _shorten_value(value: str | float) -> str | float | None:
-    return short(value) if isinstance(value, str) else value
-
-
-def _distance_between(start: MobileRobotPosition, end: MobileRobotPosition) -> float:
-    return hypot(end.x - start.x, end.y - start.y)
-
-
-def _order_of(robot: Robot) -> str | None:
-    if robot.vehicle and robot.vehicle.transport_order:
-        return robot.vehicle.transport_order
-    return short(robot.state.order_id) or None if robot.state else None
+    def _publish_robot_event(
+        self, robot: Robot, code: Code, text: str, values: Values, at: Timestamp
+    ) -> None:
+        order = robot.vehicle.transport_order if robot.vehicle else None
+        if not order and robot.state:
+            # A fleet without NeNa's order service has no transport orders, only the robots' own ones.
+            order = short(robot.state.order_id) or None
+        self._publish(Event(at.utc, code, text, robot.id, order or None, values))

@@ -8,7 +8,7 @@ from datetime import datetime
 from enum import StrEnum
 from typing import NamedTuple
 
-from nena_shared.vda5050.action import ActionState, ActionStatus
+from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import State
 from nena_status_aggregator.fleet.view_builder import LIST_LIMIT, is_active, short
@@ -96,7 +96,7 @@ class Change(NamedTuple):
     values: Values
 
 
-def changes(before: State | None, now: State) -> Iterator[Change]:
+def state_changes(before: State | None, now: State) -> Iterator[Change]:
     """Return the changes between two states; of a first state only the errors."""
     yield from _error_changes(before.errors if before else (), now.errors)
     if before is None:
@@ -112,29 +112,28 @@ def changes(before: State | None, now: State) -> Iterator[Change]:
 def _error_changes(before: tuple[ErrorEntry, ...], now: tuple[ErrorEntry, ...]) -> Iterator[Change]:
     if not before and not now:
         return
-    old, new = _by_identity(before), _by_identity(now)
-    for entry in (new[key] for key in new.keys() - old.keys()):
-        text = short(entry.error_description) or "No description."
-        values = _error_values(entry)
-        yield Change(Code.ERROR_RAISED, f"{values['errorType']}: {text}", {**values, "description": text})
-    for entry in (old[key] for key in old.keys() - new.keys()):
-        values = _error_values(entry)
-        yield Change(Code.ERROR_CLEARED, f"Cleared: {values['errorType']}.", values)
-
-
-def _by_identity(
-    errors: tuple[ErrorEntry, ...],
-) -> dict[tuple[str, *tuple[str, ...]], ErrorEntry]:
-    return {(error.error_type, *_references_of(error)): error for error in errors[:LIST_LIMIT]}
-
-
-def _references_of(error: ErrorEntry) -> Iterator[str]:
-    for reference in error.error_references:
-        yield from (reference.reference_key, reference.reference_value)
-
-
-def _error_values(entry: ErrorEntry) -> Values:
-    return {"errorType": short(entry.error_type), "errorLevel": entry.error_level.value}
+    # VDA 5050 gives errors no ID. Type and references identify one; its description may hold a distance or
+    # a time, and would make the same error a new one with each state.
+    old, new = (
+        {
+            (
+                error.error_type,
+                *((ref.reference_key, ref.reference_value) for ref in error.error_references),
+            ): error
+            for error in errors[:LIST_LIMIT]
+        }
+        for errors in (before, now)
+    )
+    for key in new.keys() - old.keys():
+        entry = new[key]
+        kind, text = short(entry.error_type), short(entry.error_description) or "No description."
+        values: Values = {"errorType": kind, "errorLevel": entry.error_level.value}
+        yield Change(Code.ERROR_RAISED, f"{kind}: {text}", {**values, "description": text})
+    for key in old.keys() - new.keys():
+        entry = old[key]
+        kind = short(entry.error_type)
+        values = {"errorType": kind, "errorLevel": entry.error_level.value}
+        yield Change(Code.ERROR_CLEARED, f"Cleared: {kind}.", values)
 
 
 def _order_changes(before: State, now: State) -> Iterator[Change]:
@@ -149,20 +148,20 @@ def _order_changes(before: State, now: State) -> Iterator[Change]:
     elif not another and now.order_update_id != before.order_update_id:
         yield Change(Code.ORDER_UPDATED, f"Accepted order update {now.order_update_id}.", values)
     reached = (now.last_node_id, now.last_node_sequence_id)
-    if now.last_node_id and (another or reached != (before.last_node_id, before.last_node_sequence_id)):
-        yield from _node_changes(before, now)
-
-
-def _node_changes(before: State, now: State) -> Iterator[Change]:
-    """Return a reached node, unless it is the first of a new order, where the robot already is."""
-    if now.last_node_id != before.last_node_id or now.order_id == before.order_id:
-        values: Values = {"nodeId": now.last_node_id, "sequenceId": now.last_node_sequence_id}
+    if not now.last_node_id or (
+        not another and reached == (before.last_node_id, before.last_node_sequence_id)
+    ):
+        return
+    # The first node of a new order is where the robot already is (VDA 5050 3.0, 6.1.1).
+    if now.last_node_id != before.last_node_id or not another:
+        values = {"nodeId": now.last_node_id, "sequenceId": now.last_node_sequence_id}
         yield Change(Code.NODE_REACHED, f"Reached {now.last_node_id}.", values)
 
 
 def _outcome_of(before: State, now: State) -> Outcome:
     if now.order_id != before.order_id:
         return Outcome.UNSEEN
+    # A cancelled order's remaining nodes are emptied, too (VDA 5050 3.0, 6.1.3); only the last node tells.
     last = before.node_states[-1].sequence_id if before.node_states else 0
     failed = any(state.action_status is ActionStatus.FAILED for state in now.action_states)
     completed = now.last_node_sequence_id >= last and not failed
@@ -172,47 +171,39 @@ def _outcome_of(before: State, now: State) -> Outcome:
 def _action_changes(before: State, now: State) -> Iterator[Change]:
     if not (now.action_states or now.instant_action_states):
         return
-    known = {
+    old = {
         state.action_id: state.action_status
         for state in (*before.action_states, *before.instant_action_states)
     }
     for action in (*now.action_states[:LIST_LIMIT], *now.instant_action_states[:LIST_LIMIT]):
-        old = known.get(action.action_id)
-        if action.action_status.ended and action.action_status is not old:
-            yield _action_ended(action)
-
-
-def _action_ended(action: ActionState) -> Change:
-    status, name = action.action_status.value, action.action_type or action.action_id
-    result = short(action.action_result)
-    values: Values = {
-        "actionId": action.action_id,
-        "actionType": action.action_type,
-        "status": status,
-        "result": result,
-    }
-    return Change(Code.ACTION_ENDED, f"Action {name}: {status}." + (f" {result}" if result else ""), values)
+        if not action.action_status.ended or action.action_status is old.get(action.action_id):
+            continue
+        status, name = action.action_status.value, action.action_type or action.action_id
+        result = short(action.action_result)
+        values: Values = {
+            "actionId": action.action_id,
+            "actionType": action.action_type,
+            "status": status,
+            "result": result,
+        }
+        text = f"Action {name}: {status}." + (f" {result}" if result else "")
+        yield Change(Code.ACTION_ENDED, text, values)
 
 
 def _body_changes(before: State, now: State) -> Iterator[Change]:
+    values: Values
     power = now.power_supply
     if power.charging is not before.power_supply.charging:
         text = "Charging started." if power.charging else "Charging stopped."
-        values: Values = {"charging": power.charging, "charge": power.state_of_charge}
+        values = {"charging": power.charging, "charge": power.state_of_charge}
         yield Change(Code.CHARGING, text, values)
     loads, loads_before = len(now.loads or ()), len(before.loads or ())
     if loads != loads_before:
-        yield Change(Code.LOADS, _loads_text(loads, loads_before), {"loads": loads, "before": loads_before})
-    here, there = now.mobile_robot_position, before.mobile_robot_position
-    if here and there and here.map_id != there.map_id:
-        yield Change(
-            Code.MAP, f"Changed to map {here.map_id}.", {"mapId": here.map_id, "before": there.map_id}
-        )
-
-
-def _loads_text(loads: int, before: int) -> str:
-    if not loads:
-        return "Empty."
-    number = abs(loads - before)
-    moved = "Picked up" if loads > before else "Dropped"
-    return f"{moved} {'a load' if number == 1 else f'{number} loads'}; carrying {loads}."
+        number = abs(loads - loads_before)
+        verb = "Picked up" if loads > loads_before else "Dropped"
+        text = f"{verb} {'a load' if number == 1 else f'{number} loads'}; carrying {loads}."
+        yield Change(Code.LOADS, text if loads else "Empty.", {"loads": loads, "before": loads_before})
+    position, old_position = now.mobile_robot_position, before.mobile_robot_position
+    if position and old_position and position.map_id != old_position.map_id:
+        values = {"mapId": position.map_id, "before": old_position.map_id}
+        yield Change(Code.MAP, f"Changed to map {position.map_id}.", values)

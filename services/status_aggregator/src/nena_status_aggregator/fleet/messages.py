@@ -66,14 +66,14 @@ class Sequence:
     """Messages lost, by gaps in headerId."""
     restarts: int = 0
 
-    def assess(self, header_id: int, timestamp: datetime, content: object = None) -> Verdict:
+    def assess_message(self, header_id: int, timestamp: datetime, content: object = None) -> Verdict:
         """Classify a message and remember it."""
-        verdict = self._assess_order(header_id, timestamp, content)
+        verdict = self._assess_header(header_id, timestamp, content)
         if verdict is Verdict.NEW:
             self.content = content
         return verdict
 
-    def _assess_order(self, header_id: int, timestamp: datetime, content: object) -> Verdict:
+    def _assess_header(self, header_id: int, timestamp: datetime, content: object) -> Verdict:
         last = self.timestamp
         if last is None:
             return self._open_sequence(header_id, timestamp)
@@ -81,28 +81,24 @@ class Sequence:
             ordered = self.counts or timestamp != NO_TIME
             return Verdict.REPEATED if ordered and content == self.content else Verdict.NEW
         self.counts = True
-        if header_id == 0:
-            return self._begin_again(timestamp)
+        if header_id == 0 and timestamp == self.opened:
+            return Verdict.REPEATED
         newer = timestamp > last or (timestamp == last and header_id > self.header_id)
-        if newer and header_id <= self.header_id:
-            self.restarts += 1
+        if header_id == 0 or (newer and header_id <= self.header_id):
+            # headerId is a uint32: 0 after the greatest one is the next number, no restart.
+            self.restarts += header_id != 0 or self.header_id != GREATEST_HEADER_ID
             return self._open_sequence(header_id, timestamp)
         if newer or header_id == self.header_id + 1:
             self.missed += header_id - self.header_id - 1
             return self._accept_message(header_id, timestamp)
         return self._assess_late(header_id, timestamp)
 
-    def _begin_again(self, timestamp: datetime) -> Verdict:
-        if timestamp == self.opened:
-            return Verdict.REPEATED
-        self.restarts += self.header_id != GREATEST_HEADER_ID
-        return self._open_sequence(0, timestamp)
-
     def _assess_late(self, header_id: int, timestamp: datetime) -> Verdict:
-        before, self.late = self.late, (header_id, timestamp)
-        if before is not None and (
-            (header_id == before[0] + 1 and timestamp >= before[1])
-            or (header_id == before[0] == self.header_id and timestamp > before[1])
+        # Two late messages in a row: the sender restarted with its clock set back, and goes on there.
+        previous, self.late = self.late, (header_id, timestamp)
+        if previous is not None and (
+            (header_id == previous[0] + 1 and timestamp >= previous[1])
+            or (header_id == previous[0] == self.header_id and timestamp > previous[1])
         ):
             self.restarts += 1
             return self._open_sequence(header_id, timestamp)

@@ -38,7 +38,7 @@ from nena_status_aggregator.fleet.view_builder import (
     view_robot,
     view_stop,
 )
-from nena_status_aggregator.fleet.views import FleetView, OrderView, PeripheralView, PlantView, RobotView
+from nena_status_aggregator.fleet.views import FleetView, OrderView, PeripheralView, RobotView
 
 
 class OrderServiceWatch:
@@ -54,21 +54,22 @@ class OrderServiceWatch:
         self.stops: tuple[StopStatus, ...] = ()
         """The active stops; a last will does not have them."""
 
-    def receive(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
-        """Store a status; a retained one, or a last will, has an old timestamp."""
+    def apply_status(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
+        """Store a status."""
         self._last, self._received_at = status, at.monotonic
+        # The timestamp of a retained status is old, that of a last will is the one of the connection.
         if status.online:
             self.stops = status.stops
             self.last_sign = status.timestamp if retained else at.utc
             if not retained:
                 self.skew.measure(status.timestamp, at.utc)
 
-    def lose(self) -> None:
+    def forget_status(self) -> None:
         """Forget the status: the broker link is down, or the broker no longer retains it."""
         self._last, self.last_sign, self.stops = None, None, ()
         self.skew = ClockSkew()
 
-    def up(self, now: Timestamp) -> bool | None:
+    def is_up(self, now: Timestamp) -> bool | None:
         """Return whether the order service is up; None: no status received."""
         if self._last is None:
             return None
@@ -105,21 +106,16 @@ class RobotRegistry:
     def find_or_add(self, key: RobotKey, at: Timestamp) -> tuple[Robot | None, Robot | None]:
         """Return the known or new robot, or None if the limit is reached, and the robot it replaced."""
         robot = self._robots.get(key)
-        gone = None
+        replaced = None
         if robot is None:
             if len(self._robots) >= self._limit:
-                gone = self._quietest_robot(at)
-                if gone is None:
+                replaced = min(self._robots.values(), key=lambda candidate: candidate.last_message_at)
+                if at.monotonic - replaced.last_message_at <= replaced.silence_limit(self._silence_limit):
                     return None, None
-                del self._robots[gone.key]
+                del self._robots[replaced.key]
             robot = self._robots[key] = Robot(key, at)
         robot.last_message_at = at.monotonic
-        return robot, gone
-
-    def _quietest_robot(self, at: Timestamp) -> Robot | None:
-        robot = min(self._robots.values(), key=lambda each: each.last_message_at)
-        quiet = at.monotonic - robot.last_message_at > robot.silence_limit(self._silence_limit)
-        return robot if quiet else None
+        return robot, replaced
 
 
 ROOM = 64 * 1024 * 1024
@@ -130,17 +126,18 @@ class MapCache:
     """Stores equal maps of several robots once; unused maps are freed."""
 
     def __init__(self) -> None:
-        self._known: WeakValueDictionary[str, MapImage] = WeakValueDictionary()
+        self._maps: WeakValueDictionary[str, MapImage] = WeakValueDictionary()
 
-    def shared(self, found: MapImage) -> MapImage | None:
-        """Return the stored map that equals ``found``, else ``found``; None if the limit is reached."""
-        known = self._known.get(found.digest)
-        if known == found:
-            return known
-        if sum(len(each.png) for each in self._known.values()) + len(found.png) > ROOM:
+    def share_map(self, image: MapImage) -> MapImage | None:
+        """Return the stored map that equals ``image``, else ``image``; None if the limit is reached."""
+        stored = self._maps.get(image.digest)
+        # The digest is part of the message: an invented one must not show another robot's map.
+        if stored == image:
+            return stored
+        if sum(len(other_map.png) for other_map in self._maps.values()) + len(image.png) > ROOM:
             return None
-        self._known[found.digest] = found
-        return found
+        self._maps[image.digest] = image
+        return image
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,9 +190,9 @@ class FleetModel:
         """Apply a connection message; never treated as late, as a last will has the header of its CONNECT."""
         robot = self._count_and_find(key, MessageKind.CONNECTION, at)
         if robot is not None:
-            before = robot.connection.connection_state.value if robot.connection else None
+            previous = robot.connection.connection_state.value if robot.connection else None
             robot.on_connection(message, at)
-            self._event_log.connection(robot, before, at)
+            self._event_log.log_connection(robot, previous, at)
 
     def on_state(self, key: RobotKey, message: State, at: Timestamp, *, retained: bool = False) -> None:
         """Apply a state; ``retained``: delivered from the broker's store."""
@@ -206,10 +203,11 @@ class FleetModel:
             header = f"headerId {message.header_id} of {iso(message.timestamp)}"
             self.on_ignored(key, MessageKind.STATE, header, at)
             return
-        before = robot.state
+        previous = robot.state
         robot.on_state(message, at, retained=retained)
-        self._event_log.state(robot, before, message, at)
-        self._event_log.position(robot, at)
+        self._event_log.log_state(robot, previous, message, at)
+        self._event_log.log_position(robot, at)
+        # The progress of its transport order depends on the robot's last node.
         self._touch_order_of(robot)
 
     def on_visualization(self, key: RobotKey, message: Visualization, at: Timestamp) -> None:
@@ -217,7 +215,7 @@ class FleetModel:
         robot = self._count_and_find(key, MessageKind.VISUALIZATION, at)
         if robot is not None and self._is_new(robot, MessageKind.VISUALIZATION, message):
             robot.on_visualization(message)
-            self._event_log.position(robot, at)
+            self._event_log.log_position(robot, at)
 
     def on_factsheet(self, key: RobotKey, message: Factsheet, at: Timestamp) -> None:
         """Apply a factsheet."""
@@ -225,11 +223,11 @@ class FleetModel:
         if robot is not None and self._is_new(robot, MessageKind.FACTSHEET, message):
             robot.factsheet = message
 
-    def on_robot_map(self, key: RobotKey, found: MapImage | None, at: Timestamp) -> None:
+    def on_robot_map(self, key: RobotKey, image: MapImage | None, at: Timestamp) -> None:
         """Apply a robot's grid map, or its removal."""
         robot = self._count_and_find(key, MessageKind.ROBOT_MAP, at)
         if robot is not None:
-            robot.map = self._maps.shared(found) if found else None
+            robot.map = self._maps.share_map(image) if image else None
 
     def on_deviations(self, key: RobotKey, deviations: tuple[Repair, ...]) -> None:
         """Apply the deviations of a known robot's messages from the standard."""
@@ -251,10 +249,11 @@ class FleetModel:
             key: robot of the topic, if any.
 
         """
-        self.statistics.received[kind] += key is None
+        self.statistics.received[kind] += key is None  # with a robot, _count_and_find counts it
         self.statistics.malformed[kind] += 1
+        counts = self.statistics.malformed.items()
         self._public.malformed = {
-            "counts": {each.value: count for each, count in self.statistics.malformed.items() if count},
+            "counts": {message_kind.value: count for message_kind, count in counts if count},
             "lastTopic": short(topic),
             "lastProblem": short(problem),
             "lastTime": iso(at.utc),
@@ -282,8 +281,9 @@ class FleetModel:
         robot = self._count_and_find(key, MessageKind.VEHICLE_STATUS, at)
         if robot is None:
             return
-        self._touch_order_of(robot)
+        self._touch_order_of(robot)  # the order that the vehicle leaves, and below the one that it takes
         if robot.vehicle and robot.vehicle.name != status.name:
+            # The plant gave the robot another name; the old one must not stay as the head of a queue.
             self._forget_vehicle(robot.vehicle.name)
         robot.vehicle = status
         self._key_of_vehicle[status.name] = key
@@ -291,47 +291,49 @@ class FleetModel:
 
     def on_vehicle_elsewhere(self, status: VehicleStatus) -> None:
         """Apply a vehicle status of another share's robot: only the vehicles it waits for."""
-        self.queues.see_elsewhere(status, self.limits.robots)
+        self.queues.update_elsewhere(status, self.limits.robots)
 
     def on_order_status(self, status: TransportOrderStatus, at: Timestamp) -> None:
         """Apply a transport order status of the order service."""
         self.statistics.received[MessageKind.ORDER_STATUS] += 1
-        known = self.orders.get(status.name)
-        if not self.orders.take(status):
+        order = self.orders.get(status.name)
+        previous = order.status if order else None
+        if not self.orders.apply_status(status):
             self.statistics.repeated[MessageKind.ORDER_STATUS] += 1
             return
-        if status.state.final and not (known and known.status.state.final):
-            self.statistics.count_end(status)
-        self._event_log.order(known.status if known else None, status, at)
-        self._public.orders.touch(status.name)
-        for name in self.orders.shrink():
+        if status.state.final and not (previous and previous.state.final):
+            self.statistics.count_ended_order(status)
+        self._event_log.log_order(previous, status, at)
+        self._public.orders.mark_touched(status.name)
+        for name in self.orders.remove_excess():
             self.statistics.orders_forgotten += 1
-            self._public.orders.touch(name)
+            self._public.orders.mark_touched(name)
 
     def on_order_cleared(self, name: str) -> None:
         """Apply that the broker no longer retains the status of an order."""
         self.statistics.received[MessageKind.ORDER_STATUS] += 1
-        if self.orders.clear(name):
-            self._public.orders.touch(name)
+        # Normal after the final status; of an order that is still open, the final status was missed.
+        if self.orders.remove_open(name):
+            self._public.orders.mark_touched(name)
 
     def on_peripheral_status(self, status: PeripheralStatus) -> bool:
         """Apply a device status of the order service; return False if there are too many devices."""
-        if not self.peripherals.take(status):
+        if not self.peripherals.apply_status(status):
             return False
         self.statistics.received[MessageKind.PERIPHERAL_STATUS] += 1
-        self._public.peripherals.touch(status.location)
+        self._public.peripherals.mark_touched(status.location)
         return True
 
     def on_peripheral_cleared(self, location: str) -> None:
         """Apply that the plant no longer has a device."""
         self.statistics.received[MessageKind.PERIPHERAL_STATUS] += 1
-        self.peripherals.clear(location)
-        self._public.peripherals.touch(location)
+        self.peripherals.remove(location)
+        self._public.peripherals.mark_touched(location)
 
     def on_service_status(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
         """Apply a heartbeat of the order service, or its last will."""
         self.statistics.received[MessageKind.SERVICE_STATUS] += 1
-        self.order_service.receive(status, at, retained=retained)
+        self.order_service.apply_status(status, at, retained=retained)
 
     def on_plant_model(self, plant: PlantModel | None) -> None:
         """Apply the plant model, or its removal."""
@@ -339,60 +341,78 @@ class FleetModel:
         if plant == self.plant:
             return
         self.plant = plant
-        self._frame = PlantFrame.of(plant)
+        self._frame = PlantFrame.from_plant(plant)
         for robot in self.robots:
             robot.frame = self._frame
             self._mark_changed(robot.key)
         self._plant_version += 1
-        self._public.plant = view_plant(plant, self._plant_version) if plant else None
+        # Only a summary: clients fetch the plant over HTTP when its version changes.
+        self._public.plant = (
+            {
+                "version": self._plant_version,
+                "name": plant.name,
+                "points": len(plant.points),
+                "paths": len(plant.paths),
+                "locations": len(plant.locations),
+            }
+            if plant
+            else None
+        )
         for location in self.peripherals.forget_unconfirmed(plant.locations_by_name if plant else ()):
-            self._public.peripherals.touch(location)
+            self._public.peripherals.mark_touched(location)
 
     def on_link(self, *, connected: bool, at: Timestamp) -> None:
         """Apply that the broker connection was established or lost."""
         self._public.link = {"connected": connected, "since": iso(at.utc)}
-        self._event_log.link(connected=connected, at=at)
+        self._event_log.log_link(connected=connected, at=at)
         for robot in self.robots:
             self._mark_changed(robot.key)
         if not connected:
-            self.order_service.lose()
+            self.order_service.forget_status()
             self.orders.mark_unconfirmed()
             for order in self.orders:
-                self._public.orders.touch(order.status.name)
+                self._public.orders.mark_touched(order.status.name)
             for location in self.peripherals.mark_unconfirmed():
-                self._public.peripherals.touch(location)
+                self._public.peripherals.mark_touched(location)
 
     @property
     def link_up(self) -> bool:
         """Whether the broker is connected."""
         return self._public.link["connected"]
 
-    def advance(self, at: Timestamp) -> None:
+    def update_conditions(self, at: Timestamp) -> None:
         """Update the conditions of all robots, without publishing them yet."""
+        setting = self.limits.silence
+        # Time alone changes nothing but silence. So only changed robots are assessed, and the others are
+        # searched for silent ones only when the first of them can have become silent.
         if at.monotonic >= self._no_silence_before:
-            self._find_silent(at)
+            self._no_silence_before = inf
+            for robot in self.robots:
+                if robot.notice_silence(at, setting):
+                    self._mark_changed(robot.key)
+                self._no_silence_before = min(self._no_silence_before, robot.silent_from(setting))
         for key in self._unassessed:
-            touched = self.robots.get(key)
-            if touched is not None:
-                before = touched.condition, touched.reason
-                touched.assess(at, self.limits.silence, link_up=self.link_up)
-                self._event_log.condition(touched, before, at)
-                self.queues.see(touched)
-                soonest = touched.silent_from(self.limits.silence)
-                self._no_silence_before = min(self._no_silence_before, soonest)
+            changed = self.robots.get(key)
+            if changed is not None:
+                previous = changed.condition, changed.reason
+                changed.update_condition(at, setting, link_up=self.link_up)
+                self._event_log.log_condition(changed, previous, at)
+                self.queues.update_robot(changed)
+                self._no_silence_before = min(self._no_silence_before, changed.silent_from(setting))
         self._unassessed.clear()
-        for name in self.queues.line_up(at):
+        for name in self.queues.update_chains(at):
             if name in self._key_of_vehicle:
-                self._public.robots.touch(self._key_of_vehicle[name])
+                self._public.robots.mark_touched(self._key_of_vehicle[name])
 
     def flush(self, at: Timestamp) -> Delta | None:
         """Update all conditions; return the changes since the last call, or None."""
-        self.advance(at)
-        up, sign = self.order_service.up(at), self.order_service.last_sign
+        self.update_conditions(at)
+        up, sign = self.order_service.is_up(at), self.order_service.last_sign
+        # While it is up, the time of each heartbeat would be a change for all clients.
         down_since = iso(sign) if sign and up is False else None
         stops = [view_stop(stop) for stop in self.order_service.stops]
         self._public.order_service = {"up": up, "lastSign": down_since, "stops": stops}
-        self._public.jams = [view_jam(jam) for jam in self.queues.jams(at)]
+        self._public.jams = [view_jam(jam) for jam in self.queues.find_jams(at)]
         return self._public.flush(self._view_robot, self._view_order, self._view_peripheral)
 
     def snapshot(self) -> FleetView:
@@ -406,13 +426,13 @@ class FleetModel:
     def _count_and_find(self, key: RobotKey, kind: MessageKind, at: Timestamp) -> Robot | None:
         """Count the message and return its robot; None if the robot limit is reached."""
         self.statistics.received[kind] += 1
-        robot, gone = self.robots.find_or_add(key, at)
-        if gone is not None:
+        robot, replaced = self.robots.find_or_add(key, at)
+        if replaced is not None:
             self.statistics.robots_forgotten += 1
-            self._event_log.forgotten(gone, at)
-            self._mark_changed(gone.key)
-            if gone.vehicle:
-                self._forget_vehicle(gone.vehicle.name)
+            self._event_log.log_forgotten(replaced, at)
+            self._mark_changed(replaced.key)
+            if replaced.vehicle:
+                self._forget_vehicle(replaced.vehicle.name)
         if robot is None:
             self.statistics.refused[kind] += 1
         else:
@@ -422,12 +442,12 @@ class FleetModel:
 
     def _forget_vehicle(self, name: str) -> None:
         self._key_of_vehicle.pop(name, None)
-        self.queues.forget(name)
+        self.queues.remove_vehicle(name)
 
     def _is_new(self, robot: Robot, kind: MessageKind, message: State | Visualization | Factsheet) -> bool:
         sequence = robot.sequences[kind]
         missed, restarts = sequence.missed, sequence.restarts
-        verdict = sequence.assess(message.header_id, message.timestamp, message)
+        verdict = sequence.assess_message(message.header_id, message.timestamp, message)
         self.statistics.missed[kind] += sequence.missed - missed
         self.statistics.restarts += sequence.restarts - restarts
         self.statistics.repeated[kind] += verdict is Verdict.REPEATED
@@ -436,20 +456,11 @@ class FleetModel:
 
     def _touch_order_of(self, robot: Robot) -> None:
         if robot.vehicle and robot.vehicle.transport_order:
-            self._public.orders.touch(robot.vehicle.transport_order)
-
-    def _find_silent(self, at: Timestamp) -> None:
-        """Find robots that became silent, and the earliest time at which the next one can."""
-        setting, soonest = self.limits.silence, inf
-        for robot in self.robots:
-            if robot.falls_silent(at, setting):
-                self._mark_changed(robot.key)
-            soonest = min(soonest, robot.silent_from(setting))
-        self._no_silence_before = soonest
+            self._public.orders.mark_touched(robot.vehicle.transport_order)
 
     def _mark_changed(self, key: RobotKey) -> None:
         self._unassessed[key] = None
-        self._public.robots.touch(key)
+        self._public.robots.mark_touched(key)
 
     def _view_robot(self, key: RobotKey) -> RobotView | None:
         robot = self.robots.get(key)
@@ -473,14 +484,3 @@ class FleetModel:
     def _view_peripheral(self, location: str) -> PeripheralView | None:
         device = self.peripherals.get(location)
         return view_peripheral(device) if device else None
-
-
-def view_plant(plant: PlantModel, version: int) -> PlantView:
-    """Summarise the plant model."""
-    return {
-        "version": version,
-        "name": plant.name,
-        "points": len(plant.points),
-        "paths": len(plant.paths),
-        "locations": len(plant.locations),
-    }

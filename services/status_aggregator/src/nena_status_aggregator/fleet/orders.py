@@ -14,7 +14,7 @@ from itertools import islice
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderStatus
 
 DRIVING_SHARE = 0.9
-"""Progress within a destination, 0 to 1, on arrival of the vehicle."""
+"""Progress within a destination, 0 to 1, on arrival of the vehicle; the operation there is the rest."""
 
 
 @dataclass(slots=True)
@@ -46,25 +46,21 @@ class OrderRegistry:
         """Return an order by its name."""
         return self._open.get(name) or self._ended.get(name)
 
-    def take(self, status: TransportOrderStatus) -> bool:
-        """Apply a status; return False if it is older than or equal to the known one.
-
-        A lower version with another creation time is a new order of the same name.
-        """
-        known = self.get(status.name)
-        if known and known.status.created == status.created and status.version <= known.status.version:
-            was_confirmed, known.confirmed = known.confirmed, True
+    def apply_status(self, status: TransportOrderStatus) -> bool:
+        """Apply a status; return False if it is older than or equal to the known one."""
+        order = self.get(status.name)
+        # A lower version with another creation time is a new order of the same name.
+        if order and order.status.created == status.created and status.version <= order.status.version:
+            # The broker repeats retained statuses after a reconnection: the order still exists.
+            was_confirmed, order.confirmed = order.confirmed, True
             return not was_confirmed
         self.remove(status.name)
         orders = self._ended if status.state.final else self._open
         orders[status.name] = TrackedOrder(status)
         return True
 
-    def clear(self, name: str) -> bool:
-        """Apply that the broker retains no status any more; return whether the order was removed.
-
-        After the final status this is normal. An open order is removed: its final status was missed.
-        """
+    def remove_open(self, name: str) -> bool:
+        """Remove an order that has not ended; return whether there was one."""
         return self._open.pop(name, None) is not None
 
     def remove(self, name: str) -> None:
@@ -77,40 +73,34 @@ class OrderRegistry:
         for order in self._open.values():
             order.confirmed = False
 
-    def shrink(self) -> list[str]:
+    def remove_excess(self) -> list[str]:
         """Remove orders beyond the limits; return their names."""
         excess = len(self._open) + len(self._ended) - self._limit
         ended = [*islice(self._ended, max(0, excess))]
         still_open = [*islice(self._open, max(0, len(self._open) - self._open_limit))]
         self.open_removed += len(still_open)
-        gone = [*ended, *still_open]
-        for name in gone:
+        removed = [*ended, *still_open]
+        for name in removed:
             self.remove(name)
-        return gone
+        return removed
 
 
-def progress(status: TransportOrderStatus, last_node: str | None) -> float | None:
+def order_progress(status: TransportOrderStatus, last_node: str | None) -> float | None:
     """Return the progress of a transport order, percent; None if it ended without success.
 
-    Driving counts for nine tenths of a destination, the operation there for the rest. ``last_node`` is the
-    last node of the processing vehicle.
+    ``last_node`` is the last node of the processing vehicle.
     """
     if status.state.final:
         return 100.0 if status.state.value == "FINISHED" else None
     if not status.drive_orders:
         return 0.0
-    done = sum(order.state is DriveOrderState.FINISHED for order in status.drive_orders)
-    return round(100.0 * (done + _share_done(status, last_node)) / len(status.drive_orders), 1)
-
-
-def _share_done(status: TransportOrderStatus, last_node: str | None) -> float:
+    completed = float(sum(order.state is DriveOrderState.FINISHED for order in status.drive_orders))
     index = status.current_drive_order_index
-    if not 0 <= index < len(status.drive_orders):
-        return 0.0
-    current = status.drive_orders[index]
-    if current.state is DriveOrderState.OPERATING:
-        return DRIVING_SHARE
-    route = current.route or ()
-    if current.state is not DriveOrderState.TRAVELLING or last_node not in route:
-        return 0.0
-    return DRIVING_SHARE * route.index(last_node) / max(1, len(route) - 1)
+    if 0 <= index < len(status.drive_orders):
+        current = status.drive_orders[index]
+        route = current.route or ()
+        if current.state is DriveOrderState.OPERATING:
+            completed += DRIVING_SHARE
+        elif current.state is DriveOrderState.TRAVELLING and last_node in route:
+            completed += DRIVING_SHARE * route.index(last_node) / max(1, len(route) - 1)
+    return round(100.0 * completed / len(status.drive_orders), 1)

@@ -32,14 +32,14 @@ class PeripheralRegistry:
         """Return the device of a location."""
         return self._devices.get(location)
 
-    def take(self, status: PeripheralStatus) -> bool:
+    def apply_status(self, status: PeripheralStatus) -> bool:
         """Apply a status; return False if the limit is reached."""
         if status.location not in self._devices and len(self._devices) >= self._limit:
             return False
         self._devices[status.location] = TrackedPeripheral(status)
         return True
 
-    def clear(self, location: str) -> None:
+    def remove(self, location: str) -> None:
         """Remove a device."""
         self._devices.pop(location, None)
 
@@ -50,11 +50,11 @@ class PeripheralRegistry:
         return list(self._devices)
 
     def forget_unconfirmed(self, plant: Container[str]) -> list[str]:
-        """Remove unconfirmed devices whose location is not in ``plant``; return their locations.
-
-        Their topics were cleared while the broker connection was down, so nothing else removes them.
-        """
-        gone = [name for name, each in self._devices.items() if not each.confirmed and name not in plant]
-        for location in gone:
+        """Remove unconfirmed devices whose location is not in ``plant``; return their locations."""
+        # Their topics were cleared while the broker connection was down, so nothing else removes them.
+        removed = [
+            name for name, device in self._devices.items() if not device.confirmed and name not in plant
+        ]
+        for location in removed:
             del self._devices[location]
-        return gone
+        return removed

@@ -46,7 +46,7 @@ class Delta(TypedDict):
     malformed: NotRequired[MalformedView]
 
 
-def apply(delta: Delta, view: FleetView) -> FleetView:
+def apply_delta(delta: Delta, view: FleetView) -> FleetView:
     """Apply ``delta`` to a view, as clients of the event stream do."""
     return {
         "id": delta["id"],
@@ -80,34 +80,32 @@ class PublishedViews(Generic[K, V]):
 
     def __init__(self) -> None:
         self.views: dict[K, V] = {}
-        self.touched: dict[K, None] = {}
+        # A dictionary, because it keeps the order: clients get the changes in the order they happened.
+        self._touched: dict[K, None] = {}
 
-    def touch(self, key: K) -> None:
+    def mark_touched(self, key: K) -> None:
         """Mark a view as possibly changed."""
-        self.touched[key] = None
+        self._touched[key] = None
 
-    def changes(self, look: Callable[[K], V | None]) -> tuple[list[Patch], list[str]]:
+    def take_changes(self, build_view: Callable[[K], V | None]) -> tuple[list[Patch], list[str]]:
         """Rebuild the marked views; return the changes and the IDs of removed views."""
         patches: list[Patch] = []
-        gone: list[str] = []
-        for key in self.touched:
-            view = look(key)
+        removed: list[str] = []
+        for key in self._touched:
+            view = build_view(key)
             old = self.views.pop(key, None) if view is None else self.views.get(key)
-            if view is not None:
-                self.views[key] = view
-                patches += _patch_between(old, view)
-            elif old is not None:
-                gone.append(old["id"])
-        self.touched.clear()
-        return patches, gone
-
-
-def _patch_between(old: V | None, new: V) -> list[Patch]:
-    if old is None:
-        return [dict(new)]
-    before = cast("Mapping[str, Any]", old)
-    changed = {name: value for name, value in new.items() if before[name] != value}
-    return [{"id": new["id"], **changed}] if changed else []
+            if view is None:
+                if old is not None:
+                    removed.append(old["id"])
+                continue
+            self.views[key] = view
+            old_fields = cast("Mapping[str, Any]", old)
+            if old is None:
+                patches.append(dict(view))
+            elif changed := {name: value for name, value in view.items() if old_fields[name] != value}:
+                patches.append({"id": view["id"], **changed})
+        self._touched.clear()
+        return patches, removed
 
 
 class Publication:
@@ -137,9 +135,9 @@ class Publication:
     ) -> Delta | None:
         """Return the changes since the last call, or None. The arguments build the current views."""
         delta: Delta = {"id": self._published["id"] + 1}
-        robots, robots_gone = self.robots.changes(robot)
-        orders, orders_gone = self.orders.changes(order)
-        peripherals, peripherals_gone = self.peripherals.changes(peripheral)
+        robots, robots_gone = self.robots.take_changes(robot)
+        orders, orders_gone = self.orders.take_changes(order)
+        peripherals, peripherals_gone = self.peripherals.take_changes(peripheral)
         if robots:
             delta["robots"] = robots
         if robots_gone:
@@ -153,7 +151,7 @@ class Publication:
         if peripherals_gone:
             delta["peripheralsGone"] = peripherals_gone
         self._add_parts(delta)
-        if len(delta) == 1:
+        if len(delta) == 1:  # only the id: nothing changed, and no number is used up
             return None
         self._published = self._fleet_view(delta["id"])
         return delta

@@ -64,20 +64,17 @@ class Queues:
         self._long: dict[tuple[str, ...], Timestamp] = {}
         """Time since which queues have been longer than the limit, by their ends."""
 
-    def see(self, robot: Robot) -> None:
+    def update_robot(self, robot: Robot) -> None:
         """Record the vehicles that a robot waits for, and whether it is stuck."""
         vehicle = robot.vehicle
         if vehicle is None:
             return
         self._elsewhere.discard(vehicle.name)
-        waiting = robot.condition is Condition.WAITING and vehicle.wait is not None
-        self._set_waits(
-            vehicle.name,
-            vehicle.wait.vehicles if waiting and vehicle.wait else (),
-            stuck=robot.condition in STUCK,
-        )
+        # A robot in any other condition would not drive on if those vehicles left: it heads its own queue.
+        waiting = robot.condition is Condition.WAITING and vehicle.wait
+        self._set_waits(vehicle.name, waiting.vehicles if waiting else (), stuck=robot.condition in STUCK)
 
-    def see_elsewhere(self, vehicle: VehicleStatus, limit: int) -> None:
+    def update_elsewhere(self, vehicle: VehicleStatus, limit: int) -> None:
         """Record the vehicles that one of another share waits for; ignore new ones beyond ``limit``."""
         if vehicle.name not in self._elsewhere and len(self._elsewhere) >= limit:
             return
@@ -85,30 +82,31 @@ class Queues:
         waits = vehicle.wait.vehicles if vehicle.wait else ()
         self._set_waits(vehicle.name, waits, stuck=vehicle.state in STUCK_ELSEWHERE)
 
-    def forget(self, name: str) -> None:
+    def remove_vehicle(self, name: str) -> None:
         """Remove a vehicle."""
         self._set_waits(name, (), stuck=False)
 
-    def line_up(self, at: Timestamp) -> list[str]:
+    def update_chains(self, at: Timestamp) -> list[str]:
         """Recompute the chains if anything has changed; return the vehicles whose chain changed."""
         if not self._changed:
             return []
         self._changed = False
-        before, self.chains = self.chains, wait_chains(self._waits, self._stuck)
+        previous, self.chains = self.chains, wait_chains(self._waits, self._stuck)
+        # Each share counts its own robots, so that the sum over all aggregators is right.
         self._sizes = Counter(chain.end for name, chain in self.chains.items() if name not in self._elsewhere)
         long = [end for end, number in self._sizes.items() if number > self._limits.robots]
         self._long = {end: self._long.get(end, at) for end in long}
-        names = before.keys() | self.chains.keys()
-        return [name for name in names if before.get(name) != self.chains.get(name)]
+        names = previous.keys() | self.chains.keys()
+        return [name for name in names if previous.get(name) != self.chains.get(name)]
 
-    def jams(self, at: Timestamp) -> tuple[Jam, ...]:
-        """Return the jams as of the last :meth:`line_up`, the longest queue first."""
-        found = [
+    def find_jams(self, at: Timestamp) -> tuple[Jam, ...]:
+        """Return the jams as of the last :meth:`update_chains`, the longest queue first."""
+        jams = [
             Jam(end, len(end) > 1, self._sizes[end], since.utc)
             for end, since in self._long.items()
             if at.monotonic - since.monotonic >= self._limits.seconds
         ]
-        return tuple(sorted(found, key=lambda jam: (-jam.robots, jam.end)))
+        return tuple(sorted(jams, key=lambda jam: (-jam.robots, jam.end)))
 
     def _set_waits(self, name: str, waits: tuple[str, ...], *, stuck: bool) -> None:
         if self._waits.get(name, ()) != waits:

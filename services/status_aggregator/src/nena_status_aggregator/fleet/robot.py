@@ -21,7 +21,12 @@ from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.state import MobileRobotPosition, State, Velocity
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.visualization import Visualization
-from nena_status_aggregator.fleet.condition import Condition, ConditionInputs, ConditionReason, assess
+from nena_status_aggregator.fleet.condition import (
+    Condition,
+    ConditionInputs,
+    ConditionReason,
+    assess_condition,
+)
 from nena_status_aggregator.fleet.messages import MessageKind, Sequence
 
 
@@ -58,7 +63,7 @@ class Odometer:
         self._last: MobileRobotPosition | None = None
         self._trip = 0.0, 0.0
 
-    def follow(self, position: MobileRobotPosition | None) -> None:
+    def add_position(self, position: MobileRobotPosition | None) -> None:
         """Add a position; distances to and from unlocalised positions do not count."""
         last = self._last
         if position is None or not position.localized:
@@ -75,10 +80,10 @@ class Odometer:
 
     def end_trip(self) -> tuple[float, float | None]:
         """Return the distance since the last call, m, and the part without a load (None: not reported)."""
-        begun, begun_empty = self._trip
+        start, start_empty = self._trip
         self._trip = self.meters, self.empty_meters
-        empty = self.empty_meters - begun_empty
-        return round(self.meters - begun, 2), None if self.loads is None else round(empty, 2)
+        empty = self.empty_meters - start_empty
+        return round(self.meters - start, 2), None if self.loads is None else round(empty, 2)
 
 
 @dataclass(slots=True)
@@ -95,7 +100,7 @@ class OrderProgress:
     """Number of nodes of the order without the first one."""
     nodes_left: int = 0
 
-    def follow(self, state: State) -> None:
+    def update_from(self, state: State) -> None:
         """Update from a state."""
         if state.order_id != self.order_id:
             self.order_id = state.order_id
@@ -104,7 +109,7 @@ class OrderProgress:
             self.nodes = state.node_states[-1].sequence_id // 2
             self.nodes_left = min(len(state.node_states), self.nodes)
         else:
-            # Finished or cancelled: the last node shows how far the robot query.
+            # Finished or cancelled: the last node shows how far the robot came.
             reached = state.last_node_sequence_id // 2
             self.nodes = max(self.nodes, reached)
             self.nodes_left = self.nodes - reached
@@ -131,7 +136,7 @@ class PlantFrame:
     transforms: Mapping[str, MapTransform] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, plant: PlantModel | None) -> PlantFrame:
+    def from_plant(cls, plant: PlantModel | None) -> PlantFrame:
         """Create from a plant model; invalid transforms are logged and ignored."""
         try:
             return cls(map_transforms(plant)) if plant else cls()
@@ -139,14 +144,18 @@ class PlantFrame:
             log.warning("ignoring the invalid map transforms of the plant model", reason=str(error))
             return cls()
 
-    def position(self, at: MobileRobotPosition | None, sheet: Factsheet | None) -> MobileRobotPosition | None:
+    def to_plant_position(
+        self, at: MobileRobotPosition | None, sheet: Factsheet | None
+    ) -> MobileRobotPosition | None:
         """Return a position in the plant frame; None until the factsheet tells who transforms."""
         transform = self.transforms.get(at.map_id) if at else None
         if at is None or transform is None or (sheet and transforms_itself(sheet)):
             return at
         if sheet is None:
+            # A robot in the wrong place on the map misleads more than one that is not shown yet.
             return None
         pose = transform.pose_to_plant(MapPose(at.x, at.y, at.theta))
+        # Without validation: turned and moved, valid values stay valid, and every position passes here.
         return MobileRobotPosition.model_construct(
             x=pose.x_m,
             y=pose.y_m,
@@ -157,10 +166,10 @@ class PlantFrame:
             deviation_range=at.deviation_range,
         )
 
-    def place(
+    def to_plant_point(
         self, x: float, y: float, map_id: str | None, sheet: Factsheet | None
     ) -> tuple[float, float] | None:
-        """Return a point in the plant frame, m; None as for :meth:`position`."""
+        """Return a point in the plant frame, m; None as for :meth:`to_plant_position`."""
         transform = self.transforms.get(map_id) if map_id else None
         if transform is None or (sheet and transforms_itself(sheet)):
             return x, y
@@ -232,13 +241,11 @@ class Robot:
     @property
     def position(self) -> MobileRobotPosition | None:
         """Position in the plant frame; None if unknown."""
-        return self.frame.position(self.reported, self.factsheet)
+        return self.frame.to_plant_position(self.reported, self.factsheet)
 
     def on_connection(self, message: Connection, at: Timestamp) -> None:
         """Update from a connection message; repeating the same state does not change its time."""
-        before = self.connection
-        same = before is not None and before.connection_state is message.connection_state
-        if not same:
+        if self.connection is None or self.connection.connection_state is not message.connection_state:
             self.state_after_connection = False
             self.connection_since = at.utc
         self.connection = message
@@ -254,8 +261,9 @@ class Robot:
         self._silence_noticed = False
         self.reported = message.mobile_robot_position
         self.velocity = message.velocity
-        self.progress.follow(message)
-        self.odometer.follow(message.mobile_robot_position)
+        self.progress.update_from(message)
+        # Position first: the way up to here was driven with the loads of the state before.
+        self.odometer.add_position(message.mobile_robot_position)
         self.odometer.loads = None if message.loads is None else len(message.loads)
         if not retained:
             self.skew.measure(message.timestamp, at.utc)
@@ -270,7 +278,7 @@ class Robot:
     def on_sighting(self, sighting: State) -> None:
         """Update the position from an unreadable state."""
         self.reported = sighting.mobile_robot_position or self.reported
-        self.odometer.follow(self.reported)
+        self.odometer.add_position(self.reported)
 
     def on_ignored(self, header: str, at: Timestamp) -> None:
         """Record a state that is ignored because of its ``header``."""
@@ -281,7 +289,7 @@ class Robot:
     def on_visualization(self, message: Visualization) -> None:
         """Update position and velocity from a visualization message."""
         self.reported = message.mobile_robot_position or self.reported
-        self.odometer.follow(self.reported)
+        self.odometer.add_position(self.reported)
         self.velocity = message.velocity or self.velocity
 
     def silence_limit(self, setting: float | None) -> float:
@@ -292,11 +300,11 @@ class Robot:
         interval = (timing.default_state_interval if timing else None) or 0.0
         return max(INTERVALS_MISSED * interval, LEAST_SILENCE_LIMIT)
 
-    def age(self, at: Timestamp) -> float | None:
+    def state_age(self, at: Timestamp) -> float | None:
         """Return the time since the last state, s; None before the first."""
         return None if self.state is None else max(0.0, at.monotonic - self.state_at.monotonic)
 
-    def falls_silent(self, at: Timestamp, setting: float | None) -> bool:
+    def notice_silence(self, at: Timestamp, setting: float | None) -> bool:
         """Return True once when the silence limit has passed."""
         if self._silence_noticed or at.monotonic - self.state_at.monotonic <= self.silence_limit(setting):
             return False
@@ -307,10 +315,10 @@ class Robot:
         """Return the monotonic time (s) at which it becomes silent; infinity if it already is."""
         return inf if self._silence_noticed else self.state_at.monotonic + self.silence_limit(setting)
 
-    def assess(self, at: Timestamp, setting: float | None, *, link_up: bool) -> None:
+    def update_condition(self, at: Timestamp, setting: float | None, *, link_up: bool) -> None:
         """Update the condition."""
         limit = self.silence_limit(setting)
-        condition, self.reason = assess(
+        condition, self.reason = assess_condition(
             ConditionInputs(
                 connection=self.connection.connection_state if self.connection else None,
                 connection_since=self.connection_since,

@@ -30,7 +30,7 @@ class BoundedLabels:
         self._limit = limit
         self._known = dict.fromkeys(known)
 
-    def of(self, value: str) -> str:
+    def label_for(self, value: str) -> str:
         """Return ``value``, or ``other`` if there are too many values or it is too long."""
         if value in self._known:
             return value
@@ -84,7 +84,7 @@ class Statistics:
         """Count a change between two states of a robot."""
         match code:
             case Code.ERROR_RAISED:
-                label = (self.error_labels.of(str(values["errorType"])), str(values["errorLevel"]))
+                label = (self.error_labels.label_for(str(values["errorType"])), str(values["errorLevel"]))
                 self.errors_raised[label] = self.errors_raised.get(label, 0) + 1
             case Code.ORDER_TAKEN:
                 self.robot_orders_taken += 1
@@ -97,8 +97,9 @@ class Statistics:
             case Code.ACTION_ENDED:
                 self.actions_ended[ActionStatus(str(values["status"]))] += 1
 
-    def count_end(self, order: TransportOrderStatus) -> None:
-        """Count an ended transport order, unless it gave way to another one."""
+    def count_ended_order(self, order: TransportOrderStatus) -> None:
+        """Count an ended transport order."""
+        # A drive to a parking place, dropped for a real order, has neither failed nor succeeded.
         if order.gave_way:
             return
         state = order.state.value

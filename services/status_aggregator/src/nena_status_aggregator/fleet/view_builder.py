@@ -6,25 +6,24 @@ from itertools import islice
 
 from nena_shared.clock import iso
 from nena_shared.fleet_api.peripherals import PeripheralJobStatus
+from nena_shared.fleet_api.plant import MapImage
 from nena_shared.fleet_api.reasons import CodedReason
 from nena_shared.fleet_api.stops import StopStatus
-from nena_shared.fleet_api.traffic import TrafficWait
 from nena_shared.fleet_api.transport_order import Destination, Hold
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.fleet_api.wait_chains import WaitChain
 from nena_shared.vda5050.action import ActionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorReference
-from nena_shared.vda5050.factsheet import Factsheet, MobileRobotGeometry
-from nena_shared.vda5050.state import Information, NodeState, State
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.state import Information, State
 from nena_status_aggregator.fleet.condition import ros_session, session_of
-from nena_status_aggregator.fleet.orders import TrackedOrder, progress
+from nena_status_aggregator.fleet.orders import TrackedOrder, order_progress
 from nena_status_aggregator.fleet.peripherals import TrackedPeripheral
 from nena_status_aggregator.fleet.queues import Jam
 from nena_status_aggregator.fleet.robot import Robot
 from nena_status_aggregator.fleet.views import (
     ActionView,
     AheadView,
-    BatteryView,
     BodyView,
     CodedReasonView,
     ErrorView,
@@ -38,14 +37,11 @@ from nena_status_aggregator.fleet.views import (
     OrderView,
     PeripheralJobView,
     PeripheralView,
-    PositionView,
     RobotOrderView,
     RobotView,
     RosSessionView,
     StopView,
     VehicleView,
-    VelocityView,
-    WaitView,
 )
 
 TEXT_LIMIT = 500
@@ -72,6 +68,11 @@ def view_robot(
     """
     state, vehicle, skew = robot.state, robot.vehicle, robot.skew.seconds
     header = state or robot.connection or robot.factsheet
+    position, velocity = robot.position, robot.velocity
+    power = state.power_supply if state else None
+    # VDA 5050 3.0 reports instant actions in a list of their own; operators see one list of actions.
+    actions = (*state.action_states, *state.instant_action_states)[:LIST_LIMIT] if state else ()
+    information = ((state.information if state else None) or ())[:LIST_LIMIT]
     return {
         "id": robot.id,
         "manufacturer": robot.key.manufacturer,
@@ -95,28 +96,38 @@ def view_robot(
         "operatingMode": state.operating_mode.value if state else None,
         "driving": state.driving if state else None,
         "paused": state.paused if state else None,
-        "position": _view_position(robot),
-        "velocity": _view_velocity(robot),
-        "battery": _view_battery(state) if state else None,
+        "position": {
+            "x": round(position.x, 3),
+            "y": round(position.y, 3),
+            "theta": round(position.theta, 4),
+            "mapId": position.map_id,
+            "localized": position.localized,
+        }
+        if position
+        else None,
+        "velocity": {"vx": velocity.vx, "vy": velocity.vy, "omega": velocity.omega} if velocity else None,
+        "battery": {
+            "charge": power.state_of_charge,
+            "charging": power.charging,
+            "voltage": power.battery_voltage,
+            "range": power.range,
+        }
+        if power
+        else None,
         "maps": _view_maps(state) if state else None,
-        "grid": _view_grid(robot),
+        "grid": _view_grid(robot.map) if robot.map else None,
         "plan": _view_plan(robot, state) if state else None,
         "loads": _view_loads(state) if state else None,
         "errors": [_view_error(error) for error in state.errors[:LIST_LIMIT]] if state else [],
-        "information": _view_informations(state),
-        "actions": [_view_action(action) for action in _all_actions(state)[:LIST_LIMIT]] if state else [],
-        "order": _view_order(robot, state) if state and state.order_id else None,
-        "body": _view_body(robot),
+        "information": [_view_information(entry) for entry in information],
+        "actions": [_view_action(action) for action in actions],
+        "order": _view_robot_order(robot, state) if state and state.order_id else None,
+        "body": _view_body(robot.factsheet) if robot.factsheet else None,
         "vehicle": _view_vehicle(robot.vehicle, chain) if robot.vehicle else None,
         "malformed": robot.malformed,
         "problem": short(robot.problem) or None,
         "deviations": [short(str(deviation)) or "" for deviation in robot.deviations],
     }
-
-
-def _view_informations(state: State | None) -> list[InformationView]:
-    found = state.information if state else None
-    return [_view_information(each) for each in (found or ())[:LIST_LIMIT]]
 
 
 def view_stop(stop: StopStatus) -> StopView:
@@ -140,11 +151,11 @@ def view_stop(stop: StopStatus) -> StopView:
         "paused": stop.paused,
         "notPaused": [
             {
-                "vehicle": each.vehicle,
-                "reason": short(each.reason) or "",
-                "codedReason": view_reason(each.coded_reason),
+                "vehicle": vehicle.vehicle,
+                "reason": short(vehicle.reason) or "",
+                "codedReason": view_reason(vehicle.coded_reason),
             }
-            for each in stop.not_paused[:LIST_LIMIT]
+            for vehicle in stop.not_paused[:LIST_LIMIT]
         ],
     }
 
@@ -160,65 +171,36 @@ def _ros_session(state: State) -> RosSessionView | None:
     }
 
 
-def _view_position(robot: Robot) -> PositionView | None:
-    at = robot.position
-    if at is None:
-        return None
-    return {
-        "x": round(at.x, 3),
-        "y": round(at.y, 3),
-        "theta": round(at.theta, 4),
-        "mapId": at.map_id,
-        "localized": at.localized,
-    }
-
-
-def _view_velocity(robot: Robot) -> VelocityView | None:
-    speed = robot.velocity
-    return {"vx": speed.vx, "vy": speed.vy, "omega": speed.omega} if speed else None
-
-
-def _view_battery(state: State) -> BatteryView:
-    power = state.power_supply
-    return {
-        "charge": power.state_of_charge,
-        "charging": power.charging,
-        "voltage": power.battery_voltage,
-        "range": power.range,
-    }
-
-
 def _view_maps(state: State) -> list[MapView] | None:
     if state.maps is None:
         return None
     return [
-        {"mapId": each.map_id, "mapVersion": each.map_version, "status": each.map_status.value}
-        for each in state.maps[:LIST_LIMIT]
+        {"mapId": entry.map_id, "mapVersion": entry.map_version, "status": entry.map_status.value}
+        for entry in state.maps[:LIST_LIMIT]
     ]
 
 
 def _view_plan(robot: Robot, state: State) -> list[tuple[float, float]] | None:
-    path, at = state.intermediate_path, robot.reported
+    path, position = state.intermediate_path, robot.reported
     if path is None:
         return None
-    map_id, sheet = at.map_id if at else None, robot.factsheet
+    # The intermediate path has no map ID (VDA 5050 3.0, 6.6.2): it is on the map of the reported position.
+    map_id = position.map_id if position else None
     points = path.polyline[:LIST_LIMIT]
-    places = (robot.frame.place(point.x, point.y, map_id, sheet) for point in points)
+    places = (robot.frame.to_plant_point(point.x, point.y, map_id, robot.factsheet) for point in points)
     return [(round(place[0], 2), round(place[1], 2)) for place in places if place]
 
 
-def _view_grid(robot: Robot) -> GridView | None:
-    found = robot.map
-    if found is None:
-        return None
-    width, height = found.size
+def _view_grid(image: MapImage) -> GridView:
+    width, height = image.size
     return {
-        "digest": found.digest,
-        "mapId": found.map_id,
-        "x": round(found.x, 4),
-        "y": round(found.y, 4),
-        "theta": round(found.theta, 6),
-        "resolution": found.resolution,
+        # Without the pixels: a browser fetches the image once for each digest.
+        "digest": image.digest,
+        "mapId": image.map_id,
+        "x": round(image.x, 4),
+        "y": round(image.y, 4),
+        "theta": round(image.theta, 6),
+        "resolution": image.resolution,
         "width": width,
         "height": height,
     }
@@ -264,10 +246,6 @@ def _view_references(references: tuple[ErrorReference, ...]) -> dict[str, str]:
     }
 
 
-def _all_actions(state: State) -> tuple[ActionState, ...]:
-    return (*state.action_states, *state.instant_action_states)
-
-
 def _view_action(action: ActionState) -> ActionView:
     return {
         "actionId": action.action_id,
@@ -277,7 +255,13 @@ def _view_action(action: ActionState) -> ActionView:
     }
 
 
-def _view_order(robot: Robot, state: State) -> RobotOrderView:
+def _view_robot_order(robot: Robot, state: State) -> RobotOrderView:
+    ahead: list[AheadView] = []
+    for node in state.node_states[:LIST_LIMIT]:
+        at = node.node_position
+        place = robot.frame.to_plant_point(at.x, at.y, at.map_id, robot.factsheet) if at else None
+        x, y = place or (None, None)
+        ahead.append({"nodeId": node.node_id, "released": node.released, "x": x, "y": y})
     return {
         "orderId": state.order_id,
         "orderUpdateId": state.order_update_id,
@@ -286,28 +270,21 @@ def _view_order(robot: Robot, state: State) -> RobotOrderView:
         "nodes": robot.progress.nodes,
         "nodesLeft": robot.progress.nodes_left,
         "progress": robot.progress.percent,
-        "ahead": [_view_ahead(robot, each) for each in state.node_states[:LIST_LIMIT]],
+        "ahead": ahead,
     }
 
 
 def is_active(state: State) -> bool:
     """Return whether the robot's order is active (not idle, VDA 5050 3.0, 6.6.8)."""
     return bool(state.node_states or state.edge_states) or not all(
-        each.action_status.ended for each in state.action_states
+        action.action_status.ended for action in state.action_states
     )
 
 
-def _view_ahead(robot: Robot, node: NodeState) -> AheadView:
-    at = node.node_position
-    place = robot.frame.place(at.x, at.y, at.map_id, robot.factsheet) if at else None
-    x, y = place or (None, None)
-    return {"nodeId": node.node_id, "released": node.released, "x": x, "y": y}
-
-
-def _view_body(robot: Robot) -> BodyView | None:
-    sheet = robot.factsheet
-    if sheet is None:
-        return None
+def _view_body(sheet: Factsheet) -> BodyView:
+    # The outline is the first footprint; a factsheet may have several, for example one with a load.
+    envelopes = sheet.mobile_robot_geometry.envelopes2d
+    outline = envelopes[0].vertices[:LIST_LIMIT] if envelopes else None
     return {
         "seriesName": sheet.type_specification.series_name,
         "robotClass": sheet.type_specification.mobile_robot_class,
@@ -315,7 +292,7 @@ def _view_body(robot: Robot) -> BodyView | None:
         "length": sheet.physical_parameters.length,
         "width": sheet.physical_parameters.width,
         "maximumSpeed": sheet.physical_parameters.maximum_speed,
-        "outline": _view_outline(sheet.mobile_robot_geometry),
+        "outline": None if outline is None else [(vertex.x, vertex.y) for vertex in outline],
     }
 
 
@@ -340,13 +317,8 @@ def view_known_actions(sheet: Factsheet) -> list[KnownActionView]:
     ]
 
 
-def _view_outline(geometry: MobileRobotGeometry) -> list[tuple[float, float]] | None:
-    """Return the first footprint of the factsheet, if any."""
-    envelopes = geometry.envelopes2d
-    return [(vertex.x, vertex.y) for vertex in envelopes[0].vertices[:LIST_LIMIT]] if envelopes else None
-
-
 def _view_vehicle(status: VehicleStatus, chain: WaitChain | None) -> VehicleView:
+    wait = status.wait
     return {
         "name": status.name,
         "state": status.state.value,
@@ -355,20 +327,18 @@ def _view_vehicle(status: VehicleStatus, chain: WaitChain | None) -> VehicleView
         "codedReason": view_reason(status.coded_reason),
         "transportOrder": status.transport_order,
         "currentPosition": status.current_position,
-        "wait": _view_wait(status.wait, chain) if status.wait else None,
-    }
-
-
-def _view_wait(wait: TrafficWait, chain: WaitChain | None) -> WaitView:
-    return {
-        "vehicles": list(wait.vehicles[:LIST_LIMIT]),
-        "at": wait.at,
-        "cause": wait.cause.value if wait.cause else None,
-        "reason": short(wait.reason) or "",
-        "codedReason": view_reason(wait.coded_reason),
-        "next": chain.next if chain else None,
-        "head": chain.head if chain else None,
-        "circle": list(chain.circle[:LIST_LIMIT]) if chain else [],
+        "wait": {
+            "vehicles": list(wait.vehicles[:LIST_LIMIT]),
+            "at": wait.at,
+            "cause": wait.cause.value if wait.cause else None,
+            "reason": short(wait.reason) or "",
+            "codedReason": view_reason(wait.coded_reason),
+            "next": chain.next if chain else None,
+            "head": chain.head if chain else None,
+            "circle": list(chain.circle[:LIST_LIMIT]) if chain else [],
+        }
+        if wait
+        else None,
     }
 
 
@@ -394,28 +364,28 @@ def view_order(order: TrackedOrder, last_node: str | None) -> OrderView:
         "confirmed": order.confirmed,
         "reason": short(status.reason) or "",
         "codedReason": view_reason(status.coded_reason),
-        "held": held(status.held) if status.held else None,
+        "held": view_hold(status.held) if status.held else None,
         "type": status.type,
         "priority": status.priority,
         "intendedVehicle": status.intended_vehicle,
         "processingVehicle": status.processing_vehicle,
         "destinations": [
             {
-                "place": place(each.destination),
-                "operation": each.destination.operation,
-                "state": each.state.value,
+                "place": destination_text(drive_order.destination),
+                "operation": drive_order.destination.operation,
+                "state": drive_order.state.value,
             }
-            for each in status.drive_orders
+            for drive_order in status.drive_orders
         ],
         "currentDestination": status.current_drive_order_index,
-        "progress": progress(status, last_node),
+        "progress": order_progress(status, last_node),
         "deadline": iso(status.deadline) if status.deadline else None,
         "created": iso(status.created),
         "finished": iso(status.finished) if status.finished else None,
     }
 
 
-def held(hold: Hold) -> HoldView:
+def view_hold(hold: Hold) -> HoldView:
     """Build the view of a hold."""
     return {
         "by": hold.by,
@@ -430,6 +400,7 @@ def view_reason(reason: CodedReason | None, depth: int = DEPTH_LIMIT) -> CodedRe
     if reason is None or not depth:
         return None
     causes = [view_reason(cause, depth - 1) for cause in reason.causes[:LIST_LIMIT]]
+    # A sentence without one of its causes would say something else; clients show the English text instead.
     if None in causes:
         return None
     return {
@@ -442,7 +413,7 @@ def view_reason(reason: CodedReason | None, depth: int = DEPTH_LIMIT) -> CodedRe
     }
 
 
-def place(destination: Destination) -> str:
+def destination_text(destination: Destination) -> str:
     """Return the name of a destination: point, location, or coordinate in m."""
     at = destination.coordinate
     if at is None:

@@ -44,7 +44,7 @@ NAMES_SHOWN = 5
 def _count_jams(aggregator: Aggregator) -> Mapping[LabelValues, float]:
     """Return the robots of each jam by its head; of a circle by its first vehicles."""
     found: dict[LabelValues, float] = {}
-    for jam in aggregator.model.queues.jams(aggregator.now()):
+    for jam in aggregator.model.queues.find_jams(aggregator.now()):
         more = ", …" if len(jam.end) > NAMES_SHOWN else ""
         head = ", ".join(jam.end[:NAMES_SHOWN]) + more
         found[head, "circle" if jam.circle else "vehicle"] = jam.robots
@@ -52,7 +52,7 @@ def _count_jams(aggregator: Aggregator) -> Mapping[LabelValues, float]:
 
 
 def _active_errors(aggregator: Aggregator) -> Mapping[LabelValues, float]:
-    label = aggregator.model.statistics.error_labels.of
+    label = aggregator.model.statistics.error_labels.label_for
     return Counter(
         (label(each.error_type), each.error_level.value)
         for robot in aggregator.model.robots
@@ -242,7 +242,7 @@ ORDERS: Final[Section[Aggregator]] = Section(
             "nena_order_service_up",
             f"1 while the active order service sends heartbeats over MQTT, 0 {LOST_AFTER:g} s after the "
             "last one or at its last will; absent if none was received, and without the broker.",
-            lambda s: s.model.order_service.up(s.now()),
+            lambda s: s.model.order_service.is_up(s.now()),
         ),
         gauge(
             "nena_order_service_takes_orders",

@@ -45,7 +45,7 @@ def of_state(name: str, text: str, value: Callable[[State, Timestamp], float | N
 
 
 def _state_age(robot: Robot, now: Timestamp) -> float | None:
-    age = robot.age(now)
+    age = robot.state_age(now)
     return None if age is None else round(age, 3)
 
 
