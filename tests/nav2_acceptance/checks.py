@@ -14,7 +14,7 @@ from nav_msgs.msg import OccupancyGrid
 from nav2_acceptance.site import LeftOutError, Nav2Site, Place
 from nena_edge_agent.doctor.finding import LinkVerdict
 from nena_edge_agent.doctor.navigation import judge_robot
-from nena_edge_agent.doctor.ros_probe import look
+from nena_edge_agent.doctor.ros_probe import observe_robot
 from nena_edge_agent.driver.port import STANDING
 from nena_edge_agent.nav2.settings import RosSettings
 from support.action_types import HERE
@@ -47,7 +47,7 @@ async def doctor(site: Nav2Site) -> str:
         async with site.agent():
             pass  # sets the position of a robot that is not localised
     settings = RosSettings(domain_id=site.bench.domain_id, namespace=site.namespace, call_timeout=1.0)
-    findings = judge_robot(await look(settings), settings)
+    findings = judge_robot(await observe_robot(settings), settings)
     missing = [f"{each.link}: {each.text}" for each in findings if each.verdict is LinkVerdict.MISSING]
     assert not missing, "; ".join(missing)
     return "; ".join(f"{each.link}: {each.text}" for each in findings)

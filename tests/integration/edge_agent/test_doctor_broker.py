@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from pydantic import SecretStr
 
-from nena_edge_agent.doctor.broker import BrokerView, as_whom, examine_broker
+from nena_edge_agent.doctor.broker import BrokerView, examine_broker, login_identity
 from nena_edge_agent.doctor.finding import Link, LinkFinding, LinkVerdict
 from nena_edge_agent.doctor.program import main
 from nena_edge_agent.settings import EdgeAgentSettings
@@ -211,6 +211,6 @@ def test_invalid_settings_are_one_clear_line(capsys: pytest.CaptureFixture[str])
 def test_reports_the_identity_it_connected_with() -> None:
     tls = MqttTlsSettings(certificate=Path("me.pem"), key=Path("key.pem"))
 
-    assert as_whom(MqttSettings()) == "as anonymous"
-    assert as_whom(MqttSettings(username="robot")) == "as robot"
-    assert as_whom(MqttSettings(tls=tls)) == "by the certificate me.pem"
+    assert login_identity(MqttSettings()) == "as anonymous"
+    assert login_identity(MqttSettings(username="robot")) == "as robot"
+    assert login_identity(MqttSettings(tls=tls)) == "by the certificate me.pem"

@@ -14,7 +14,7 @@ from nav_msgs.msg import Odometry
 from nena_edge_agent.doctor.finding import Link, LinkFinding, LinkVerdict
 from nena_edge_agent.doctor.navigation import RosView, judge_clock, judge_map, judge_robot
 from nena_edge_agent.doctor.program import examine
-from nena_edge_agent.doctor.ros_probe import _Probe, look
+from nena_edge_agent.doctor.ros_probe import _Probe, observe_robot
 from nena_edge_agent.nav2.session_control import SessionStore
 from nena_edge_agent.nav2.settings import RosAddress, RosNames, RosSettings
 from nena_shared.vda5050.topics import RobotKey
@@ -55,7 +55,7 @@ def first_missing(view: RosView, settings: RosSettings) -> LinkFinding:
 async def test_healthy_robot(domain_id: int) -> None:
     settings = RosSettings(namespace="r1", domain_id=domain_id, call_timeout=CALLS)
     with simulated_robot(domain_id, "r1"):
-        view = await look(settings)
+        view = await observe_robot(settings)
 
     assert {each.verdict for each in judge_robot(view, settings)} == {OK}
     assert view.path_servers == 1
@@ -78,7 +78,7 @@ async def test_keep_out_filter_with_a_relative_name(domain_id: int, monkeypatch:
     ):
         costmap.subscribe(CostmapFilterInfo, "my_zones", LATCHED)
         expect(monkeypatch, lambda probe: probe._unused_mask() and probe._goals.get_subscription_count())
-        view = await look(settings)
+        view = await observe_robot(settings)
 
     assert view.unused_mask.startswith("no node subscribes to /r1/my_zones")
     assert view.unused_mask.endswith("now it is /r1/global_costmap/my_zones")
@@ -91,7 +91,7 @@ async def test_robot_in_the_domain_of_the_environment(
     monkeypatch.setattr(f"{PROBE}.LOOK_FOR", 0.5)  # there is nobody
     settings = RosSettings(domain_id=other_domain_id)
     with simulated_robot(domain_id):
-        view = await look(settings)
+        view = await observe_robot(settings)
 
     finding = first_missing(view, settings)
     assert finding.link is Link.DOMAIN
@@ -121,7 +121,7 @@ async def test_robot_in_another_namespace(domain_id: int, monkeypatch: pytest.Mo
     expect(monkeypatch, lambda probe: probe._statuses_elsewhere())
     settings = RosSettings(namespace="r2", domain_id=domain_id)
     with simulated_robot(domain_id, "r1"):
-        view = await look(settings)
+        view = await observe_robot(settings)
 
     finding = first_missing(view, settings)
     assert finding.link is Link.NAMESPACE
@@ -132,7 +132,7 @@ async def test_domain_without_nav2(domain_id: int, peer: RosPeer, monkeypatch: p
     expect(monkeypatch, lambda probe: probe._node_names())
     settings = RosSettings(domain_id=domain_id)
 
-    view = await look(settings)
+    view = await observe_robot(settings)
 
     assert view.nodes == ("/test_peer",)
     assert first_missing(view, settings).link is Link.NAMESPACE
@@ -142,7 +142,7 @@ async def test_domain_without_nav2(domain_id: int, peer: RosPeer, monkeypatch: p
 async def test_inactive_nav2(domain_id: int) -> None:
     settings = RosSettings(domain_id=domain_id, call_timeout=CALLS)
     with simulated_robot(domain_id, faults=({"kind": "inactive"},)):
-        view = await look(settings)
+        view = await observe_robot(settings)
 
     assert first_missing(view, settings).link is Link.NAVIGATION
 
@@ -160,7 +160,7 @@ async def test_robot_that_is_not_localised(domain_id: int, monkeypatch: pytest.M
         ),
     )
     with simulated_robot(domain_id, localisation={"known_at_start": False}):
-        view = await look(settings)
+        view = await observe_robot(settings)
 
     finding = first_missing(view, settings)
     assert finding.link is Link.LOCALISATION
@@ -170,7 +170,7 @@ async def test_robot_that_is_not_localised(domain_id: int, monkeypatch: pytest.M
 async def test_uncertain_localisation(domain_id: int) -> None:
     settings = RosSettings(domain_id=domain_id, call_timeout=CALLS)
     with simulated_robot(domain_id, localisation={"xy_deviation": 3.0}):
-        view = await look(settings)
+        view = await observe_robot(settings)
 
     assert "is uncertain" in first_missing(view, settings).text
 
@@ -178,7 +178,7 @@ async def test_uncertain_localisation(domain_id: int) -> None:
 async def test_another_frame(domain_id: int) -> None:
     settings = RosSettings(domain_id=domain_id, frame="earth", call_timeout=CALLS)
     with simulated_robot(domain_id):
-        view = await look(settings)
+        view = await observe_robot(settings)
 
     assert first_missing(view, settings).link is Link.LOCALISATION
     assert "frame 'map'" in judge_map(view, settings, "hall", ()).text
@@ -191,7 +191,7 @@ async def test_simulated_time(domain_id: int, peer: RosPeer, monkeypatch: pytest
     odometry = peer.node.create_publisher(Odometry, "/r1/odom", BEST_EFFORT)
     peer.node.create_timer(0.05, lambda: odometry.publish(Odometry()))
 
-    view = await look(settings)
+    view = await observe_robot(settings)
 
     finding = judge_clock(kept=True, ros_offset=view.clock_offset)
     assert finding.verdict is MISSING
@@ -222,7 +222,7 @@ def test_the_command(broker: Broker, domain_id: int) -> None:
 async def test_nav2_parameters_are_reported(domain_id: int) -> None:
     settings = RosSettings(domain_id=domain_id, call_timeout=CALLS)
     with simulated_robot(domain_id, tolerance={"xy": 0.15, "yaw": 0.2}):
-        view = await look(settings)
+        view = await observe_robot(settings)
 
     assert (view.tolerance, view.theta_tolerance, view.server_timeout) == (0.15, 0.2, 20)
     (nav2,) = (each for each in judge_robot(view, settings) if each.link is Link.NAVIGATION)

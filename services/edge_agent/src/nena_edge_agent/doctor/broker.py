@@ -64,10 +64,13 @@ async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
     probe = _BrokerProbe(settings)
     async with probe.connected() as problem:
         if problem:
-            return BrokerView(
-                [reached, _not_let_in(mqtt, problem), *unknown([Link.ACCESS], "needs the login")]
-            )
-        let_in = ok(Link.LOGIN, f"logged in {as_whom(mqtt)}")
+            who = f"user '{mqtt.username}'" if mqtt.username else "an anonymous client"
+            remedy = "check mqtt.username and mqtt.password_file, and the users of the broker"
+            if mqtt.tls.wanted:
+                remedy += "; for an untrusted certificate, mqtt.tls.ca, mqtt.tls.certificate and both clocks"
+            rejected = missing(Link.LOGIN, f"the broker rejected {who}: {problem}", remedy)
+            return BrokerView([reached, rejected, *unknown([Link.ACCESS], "needs the login")])
+        let_in = ok(Link.LOGIN, f"logged in {login_identity(mqtt)}")
         plant_maps = await probe.plant_maps()
         refused = probe.refused
     access = _access_findings(settings, refused, await asyncio.to_thread(_ask_to_write, settings))
@@ -99,17 +102,33 @@ class _BrokerProbe:
         self._answered = asyncio.Event()
         self._link = MqttLink(mqtt, client_id="", hooks=LinkHooks(on_subscribed=self._answered.set))
         self._plant: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
-        self._topics = [scheme.of(robot, topic) for topic in _topics_read(settings)]
+        # What the agent itself subscribes to; zone sets and responses exist since VDA 5050 3.0.
+        topics_read = [Topic.ORDER, Topic.INSTANT_ACTIONS]
+        if RULES[settings.version].zones:
+            topics_read += [Topic.ZONE_SET, Topic.RESPONSES]
+        self._topics = [scheme.of(robot, topic) for topic in topics_read]
         for topic in self._topics:
             self._link.subscribe(topic, lambda _: None)
-        self._link.subscribe(FleetTopics(settings.topic_prefix).plant_model, self._plant_came)
+
+        def on_plant_model(message: Inbound) -> None:
+            # A second one, published meanwhile, would raise InvalidStateError.
+            if not self._plant.done():
+                self._plant.set_result(message.payload)
+
+        self._link.subscribe(FleetTopics(settings.topic_prefix).plant_model, on_plant_model)
 
     @asynccontextmanager
     async def connected(self) -> AsyncIterator[str]:
         """Connect for the duration of the block; yield the problem as text, empty if there is none."""
         work = asyncio.create_task(self._link.run(), name="doctor's link")
         try:
-            yield await self._await_outcome()
+            for _ in range(int(ANSWER_WITHIN / 0.02)):
+                # The link retries after an error; the doctor reports the first one.
+                if self._answered.is_set() or self._link.state.last_error:
+                    break
+                await asyncio.sleep(0.02)
+            late = f"no answer within {ANSWER_WITHIN:g} s"
+            yield "" if self._answered.is_set() else self._link.state.last_error or late
         finally:
             await end(work)
 
@@ -125,19 +144,6 @@ class _BrokerProbe:
                 return map_ids(await self._plant)
         except TimeoutError:
             return frozenset()
-
-    async def _await_outcome(self) -> str:
-        for _ in range(int(ANSWER_WITHIN / 0.02)):
-            if self._answered.is_set():
-                return ""
-            if self._link.state.last_error:
-                return self._link.state.last_error
-            await asyncio.sleep(0.02)
-        return f"no answer within {ANSWER_WITHIN:g} s"
-
-    def _plant_came(self, message: Inbound) -> None:
-        if not self._plant.done():
-            self._plant.set_result(message.payload)
 
 
 def client_id(settings: EdgeAgentSettings) -> str:
@@ -165,24 +171,11 @@ def _map_ids(part: object) -> list[str]:
     return [*map_ids, own] if isinstance(own, str) else map_ids
 
 
-def _topics_read(settings: EdgeAgentSettings) -> tuple[Topic, ...]:
-    first = (Topic.ORDER, Topic.INSTANT_ACTIONS)
-    return (*first, Topic.ZONE_SET, Topic.RESPONSES) if RULES[settings.version].zones else first
-
-
-def as_whom(mqtt: MqttSettings) -> str:
+def login_identity(mqtt: MqttSettings) -> str:
     """Return the agent's identity at the broker, as far as the settings define it."""
     if mqtt.username:
         return f"as {mqtt.username}"
     return f"by the certificate {mqtt.tls.certificate}" if mqtt.tls.certificate else "as anonymous"
-
-
-def _not_let_in(mqtt: MqttSettings, problem: str) -> LinkFinding:
-    who = f"user '{mqtt.username}'" if mqtt.username else "an anonymous client"
-    remedy = "check mqtt.username and mqtt.password_file, and the users of the broker"
-    if mqtt.tls.wanted:
-        remedy += "; for an untrusted certificate, mqtt.tls.ca, mqtt.tls.certificate and both clocks"
-    return missing(Link.LOGIN, f"the broker rejected {who}: {problem}", remedy)
 
 
 def _access_findings(settings: EdgeAgentSettings, refused: list[str], not_written: str) -> LinkFinding:
@@ -207,6 +200,9 @@ def _ask_to_write(settings: EdgeAgentSettings) -> str:
     """
     robot = RobotKey(settings.manufacturer, settings.serial_number)
     topic = topics_for(settings.version, settings.interface_name).of(robot, Topic.VISUALIZATION)
+    codec = codec_for(settings.version)
+    headers = HeaderMaker(robot, version=codec.version, clock=SystemClock())
+    message = codec.encode(Visualization(**headers.make(Topic.VISUALIZATION), reference_state_header_id=0))
     mqtt, answered, refusals = settings.mqtt, threading.Event(), list[str]()
 
     def on_publish(_client: Client, _data: object, _mid: int, code: ReasonCode, _more: object) -> None:
@@ -218,7 +214,7 @@ def _ask_to_write(settings: EdgeAgentSettings) -> str:
         if code.is_failure:
             answered.set()
         else:
-            client.publish(topic, _visualization_message(settings, robot), qos=1)
+            client.publish(topic, message, qos=1)
 
     client = Client(
         CallbackAPIVersion.VERSION2, client_id=f"{client_id(settings)}-5", protocol=MQTTProtocolVersion.MQTTv5
@@ -237,9 +233,3 @@ def _ask_to_write(settings: EdgeAgentSettings) -> str:
         client.disconnect()
         client.loop_stop()
     return refusals[0] if refusals else ""
-
-
-def _visualization_message(settings: EdgeAgentSettings, robot: RobotKey) -> bytes:
-    codec = codec_for(settings.version)
-    headers = HeaderMaker(robot, version=codec.version, clock=SystemClock())
-    return codec.encode(Visualization(**headers.make(Topic.VISUALIZATION), reference_state_header_id=0))

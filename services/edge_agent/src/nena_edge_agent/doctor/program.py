@@ -20,7 +20,6 @@ from nena_edge_agent.doctor.navigation import (
 from nena_edge_agent.driver.port import SessionError
 from nena_edge_agent.extension import settings_model
 from nena_edge_agent.nav2.session_control import prepare_environment
-from nena_edge_agent.nav2.settings import RosSettings
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared import log
 from nena_shared.program import EXIT_FAILED, report_misconfigured
@@ -55,12 +54,16 @@ async def examine(settings: EdgeAgentSettings) -> list[LinkFinding]:
         ConfigurationError: the password file cannot be read.
 
     """
-    settings = settings.model_copy(update={"ros": _as_kept(settings)})
-    broker, (view, robot) = await asyncio.gather(examine_broker(settings), _examine_robot(settings))
+    # A command may have changed the agent's ROS address: then the robot is where the journal says.
+    robot = RobotKey(settings.manufacturer, settings.serial_number)
+    journal = settings.journal.folder if settings.journal.enabled else None
+    address = session_switch(settings.ros, journal, robot).address
+    settings = settings.model_copy(update={"ros": address.applied(settings.ros)})
+    broker, (view, robot_findings) = await asyncio.gather(examine_broker(settings), _examine_robot(settings))
     clock = judge_clock(kept=kernel_keeps_time(), ros_offset=view.clock_offset)
     looked_at = None if settings.driver == "loopback" else view
     place = judge_map(looked_at, settings.ros, settings.map_id, broker.plant_maps)
-    return [*broker.findings, *robot, place, clock, *judge_power(settings)]
+    return [*broker.findings, *robot_findings, place, clock, *judge_power(settings)]
 
 
 def judge_power(settings: EdgeAgentSettings) -> list[LinkFinding]:
@@ -76,22 +79,15 @@ def judge_power(settings: EdgeAgentSettings) -> list[LinkFinding]:
     return [ok(Link.POWER, f"offers {', '.join(sorted(settings.power_actions))}")]
 
 
-def _as_kept(settings: EdgeAgentSettings) -> RosSettings:
-    """Return the ROS settings with the agent's current address, which may have been changed by a command."""
-    robot = RobotKey(settings.manufacturer, settings.serial_number)
-    journal = settings.journal.folder if settings.journal.enabled else None
-    return session_switch(settings.ros, journal, robot).address.applied(settings.ros)
-
-
 async def _examine_robot(settings: EdgeAgentSettings) -> tuple[RosView, list[LinkFinding]]:
     nothing = RosView()
     if settings.driver == "loopback":
         return nothing, unknown(ROS_LINKS, "a loopback robot has none")
     prepare_environment()
     try:
-        from nena_edge_agent.doctor.ros_probe import look  # noqa: PLC0415 - rclpy may be missing
+        from nena_edge_agent.doctor.ros_probe import observe_robot  # noqa: PLC0415 - rclpy may be missing
 
-        view = await look(settings.ros)
+        view = await observe_robot(settings.ros)
     except (ImportError, SessionError) as error:
         remedy = "source the robot's ROS installation before the start, or install nena-edge-agent[ros]"
         first = missing(Link.DOMAIN, f"ROS 2 for Python does not work here: {error}", remedy)

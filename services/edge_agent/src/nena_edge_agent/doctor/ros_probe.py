@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
@@ -33,7 +34,7 @@ POSE_WAIT = 2.0
 """Timeout for a requested pose, seconds."""
 
 
-async def look(settings: RosSettings) -> RosView:
+async def observe_robot(settings: RosSettings) -> RosView:
     """Observe the robot; if its domain has no nodes, check other likely domains.
 
     Raises:
@@ -42,7 +43,7 @@ async def look(settings: RosSettings) -> RosView:
     """
     probe = _Probe(settings)
     async with probe.running():
-        view = await probe.look()
+        view = await probe.observe()
     if view.nodes:
         return view
     # A robot whose domain is not set runs in 0, or in that of the shell from which it was started.
@@ -86,10 +87,11 @@ class _Probe:
         """Wait up to ``seconds`` for other nodes; return whether there are any."""
         return await _wait_until(lambda: bool(self._node_names()), seconds)
 
-    async def look(self) -> RosView:
+    async def observe(self) -> RosView:
         """Observe until everything is seen or the time is over, and return the result."""
         await _wait_until(self._is_complete, LOOK_FOR)
         if self._pose is None:
+            # AMCL sends none while the robot stands, unless asked for a no-motion update.
             await self._session.call(self._fresh_pose, Empty.Request(), seconds=self._settings.call_timeout)
             await _wait_until(lambda: self._pose is not None, POSE_WAIT)
         parameters = await self._parameters.read()
@@ -146,6 +148,7 @@ class _Probe:
         return unused_mask(self._node, names, *self._own)
 
     def _statuses_elsewhere(self) -> tuple[str, ...]:
+        # A Nav2 in another namespace is the usual reason for one that is "missing".
         end = "/" + self._settings.names.status.removeprefix("/")
         here = self._node.resolve_topic_name(self._settings.names.status)
         topics = [name for name, _ in self._node.get_topic_names_and_types()]
@@ -157,6 +160,7 @@ class _Probe:
     async def _lifecycle_state(self) -> Lifecycle:
         if not self._lifecycle.service_is_ready():
             return Lifecycle.ABSENT
+        # During bring-up is_active exists and does not answer (Jazzy, 1.3): silence is no absence.
         answer = await self._session.call(
             self._lifecycle, Trigger.Request(), seconds=2 * self._settings.call_timeout
         )
@@ -171,6 +175,8 @@ class _Probe:
         self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE)
         self._lifecycle = node.create_client(Trigger, names.lifecycle)
         self._fresh_pose = node.create_client(Empty, names.fresh_pose)
+        # AMCL latches its pose and is silent at rest, other localisers publish best effort: a latched
+        # subscription gets nothing from those, and SENSOR never gets a latched message.
         for qos in (LATCHED, SENSOR):
             subscribe(
                 node,
@@ -178,24 +184,24 @@ class _Probe:
                 names.pose,
                 qos,
                 read=messages.pose_reading,
-                handle=self._pose_came,
+                handle=partial(setattr, self, "_pose"),
             )
         # Robots of a fleet often share one map outside their namespaces.
         for topic in {node.resolve_topic_name("map"), "/map"}:
-            subscribe(node, OccupancyGrid, topic, LATCHED, read=_grid_of, handle=self._grid_came)
-        subscribe(node, Odometry, names.odometry, SENSOR, read=_clock_offset_of, handle=self._odometry_came)
+            subscribe(
+                node, OccupancyGrid, topic, LATCHED, read=_read_grid, handle=partial(setattr, self, "_grid")
+            )
+        subscribe(
+            node,
+            Odometry,
+            names.odometry,
+            SENSOR,
+            read=_read_clock_offset,
+            handle=partial(setattr, self, "_clock_offset"),
+        )
 
-    def _pose_came(self, reading: PoseReading) -> None:
-        self._pose = reading
 
-    def _grid_came(self, grid: Grid) -> None:
-        self._grid = grid
-
-    def _odometry_came(self, offset: float) -> None:
-        self._clock_offset = offset
-
-
-def _grid_of(message: Any) -> Grid:  # noqa: ANN401 - rclpy carries no types
+def _read_grid(message: Any) -> Grid:  # noqa: ANN401 - rclpy carries no types
     """Read a nav_msgs/OccupancyGrid."""
     info = message.info
     corner = info.origin.position
@@ -208,7 +214,7 @@ def _grid_of(message: Any) -> Grid:  # noqa: ANN401 - rclpy carries no types
     )
 
 
-def _clock_offset_of(message: Any) -> float:  # noqa: ANN401
+def _read_clock_offset(message: Any) -> float:  # noqa: ANN401
     """Return how far the stamp of a nav_msgs/Odometry is ahead of the current time, s."""
     stamp = message.header.stamp
     return float(stamp.sec + stamp.nanosec / messages.NANOSECONDS - time.time())
