@@ -35,21 +35,21 @@ def read_command(
 def _repaired_command(
     kind: type[H], codec: Codec, payload: bytes, now: datetime
 ) -> tuple[H, tuple[Repair, ...]] | None:
-    found: Repairs = {}
+    repairs: Repairs = {}
     form = codec.forms.get(kind)
     if form is None or len(payload) > MAXIMUM_PAYLOAD:
         return None
     try:
-        content = from_json(without_mark(payload, found))
+        content = from_json(without_mark(payload, repairs))
         if not isinstance(content, dict):
             return None
-        repair(form, content, found, version=codec.version, now=now, scope=Scope.COMMAND)
+        repair(form, content, repairs, version=codec.version, now=now, scope=Scope.COMMAND)
     except (ArithmeticError, ValueError, RecursionError):
         return None
-    again = written(content) if found else None
+    again = written(content) if repairs else None
     if again is None:
         return None
     try:
-        return codec.decode(kind, again), repairs_of(found)
+        return codec.decode(kind, again), repairs_of(repairs)
     except MalformedMessageError:
         return None

@@ -37,10 +37,6 @@ Report = Callable[[str, tuple[Repair, ...]], None]
 """Receives the topic of a message that deviates from the standard, and its repairs."""
 
 
-def _ignore_repairs(_topic: str, _repairs: tuple[Repair, ...]) -> None:
-    pass
-
-
 @dataclass(slots=True)
 class _KnownReader:
     """Version of the last message on a topic, and its recent deviations."""
@@ -71,11 +67,11 @@ class MessageReader:
     rejects it.
     """
 
-    def __init__(self, report: Report = _ignore_repairs, *, strict: bool = False) -> None:
+    def __init__(self, report: Report = lambda _topic, _repairs: None, *, strict: bool = False) -> None:
         load_codecs()
         self._report = report
         self._strict = strict
-        self._known: dict[str, _KnownReader] = {}
+        self._readers: dict[str, _KnownReader] = {}
         """Keyed by topic."""
         self.undated = False
         """Whether the last message had no readable timestamp; its time of arrival was used instead."""
@@ -87,19 +83,20 @@ class MessageReader:
             MalformedMessageError: the message violates the standard and cannot be repaired.
         """
         self.undated = False
-        known = self._known.get(topic)
-        if known is not None and known.deviations and kind in RECORDED:
-            message = self._repaired(kind, topic, payload, major_version, known.deviations)
+        reader = self._readers.get(topic)
+        # a robot that deviates does so in every state: trying the strict reader first would read each twice
+        if reader is not None and reader.deviations and kind in RECORDED:
+            message = self._repaired(kind, topic, payload, major_version, reader.deviations)
             if message is not None:
                 return message
-        if known is not None:
+        if reader is not None:
             try:
-                message = _read_strictly(kind, known.codec, payload)
+                message = _read_strictly(kind, reader.codec, payload)
             except MalformedMessageError:
                 pass  # its version may have changed
             else:
-                if message.version == known.version:
-                    known.note(EVERYWHERE)
+                if message.version == reader.version:
+                    reader.note(EVERYWHERE)
                     return message
         return self._read_unexpected(kind, topic, payload, major_version)
 
@@ -128,17 +125,22 @@ class MessageReader:
         Raises:
             MalformedMessageError: the message cannot be repaired.
         """
-        found: Repairs = {}
+        repairs: Repairs = {}
         if len(payload) > MAXIMUM_PAYLOAD:
             return None
         try:
-            text = without_mark(payload, found)
+            text = without_mark(payload, repairs)
             content = parse_members(text, _members_read_for(only)) if only else parse(text)
             if not isinstance(content, dict):
                 return None
-            codec = reader_for(version_number(content.get("version")), major_version)
-            _read_by_topic(content, codec, found)
-            message = _repaired_in(kind, codec, content, found, only)
+            stated = version_number(content.get("version"))
+            codec = reader_for(stated, major_version)
+            # Robots copy 1.3.2, the example in the schemas of 2.x, or send the version of their software:
+            # for a major version that does not exist here, the topic decides (VDA 5050 3.0, 4.2).
+            if stated and nearest_codec(stated) is None:
+                content["version"] = codec.version
+                repairs["version", RepairKind.UNKNOWN_VERSION] = f"{stated}, read as {codec.version}"
+            message = _repaired_in(kind, codec, content, repairs, only)
         except MalformedMessageError:
             if only:
                 return self._repaired(kind, topic, payload, major_version, EVERYWHERE)
@@ -146,9 +148,9 @@ class MessageReader:
         except (ArithmeticError, ValueError, RecursionError):
             return None
         if message is not None:
-            self._learn_deviations(topic, message.version, codec, found)
-            self.undated = ("timestamp", RepairKind.TIME_OF_ARRIVAL) in found
-            self._report(topic, repairs_of(found))
+            self._learn_deviations(topic, message.version, codec, repairs)
+            self.undated = ("timestamp", RepairKind.TIME_OF_ARRIVAL) in repairs
+            self._report(topic, repairs_of(repairs))
         return message
 
     def sighting(self, payload: bytes, major_version: str) -> State | None:
@@ -157,46 +159,39 @@ class MessageReader:
         Its order is unknown: required fields that cannot be read are empty. None if the payload is not a JSON
         object. The form is that of the header's version or, if that has no position, of the topic's.
         """
-        stated, found = version_of(payload), None
+        stated, state = version_of(payload), None
         for codec in (nearest_codec(stated) if stated else None, reader_for(None, major_version)):
-            found = found if codec is None else _sighting_in(codec, payload)
-            if found and found.mobile_robot_position:
+            state = state if codec is None else _sighting_in(codec, payload)
+            if state and state.mobile_robot_position:
                 break
-        return found
+        return state
 
-    def _learn_deviations(self, topic: str, version: str, codec: Codec, found: Repairs) -> None:
-        paths = frozenset([path for path, _ in found])
-        known = self._known.get(topic)
-        if known is not None:
-            if version == known.version and paths <= known.deviations:
-                known.note(paths)
+    def _learn_deviations(self, topic: str, version: str, codec: Codec, repairs: Repairs) -> None:
+        paths = frozenset([path for path, _ in repairs])
+        reader = self._readers.get(topic)
+        if reader is not None:
+            if version == reader.version and paths <= reader.deviations:
+                reader.note(paths)
                 return
-            paths |= known.deviations
+            paths |= reader.deviations
         self._learn_repairs(topic, _KnownReader(version, codec, paths))
 
-    def _learn_repairs(self, topic: str, known: _KnownReader) -> None:
-        if topic not in self._known and len(self._known) >= TOPICS_REMEMBERED:
-            self._known.clear()
-        before = self._known.get(topic)
-        self._known[topic] = known
-        if (before is None or before.version != known.version) and (unknown := _unknown_version(known)):
-            self._report(topic, (unknown,))
+    def _learn_repairs(self, topic: str, reader: _KnownReader) -> None:
+        if topic not in self._readers and len(self._readers) >= TOPICS_REMEMBERED:
+            self._readers.clear()
+        previous = self._readers.get(topic)
+        self._readers[topic] = reader
+        if previous is not None and previous.version == reader.version:
+            return
+        # a version that differs in its patch number only has the same messages, and is no deviation
+        if reader.version.split(".")[:2] != reader.codec.version.split(".")[:2]:
+            received = f"{reader.version}, read as {reader.codec.version}"
+            self._report(topic, (Repair("version", RepairKind.UNKNOWN_VERSION, received),))
 
 
 def _read_strictly(kind: type[M], codec: Codec, payload: bytes) -> M:
     """Read a message strictly, in the version of ``codec``."""
     return read_record(kind, codec, payload) if kind in RECORDED else codec.decode(kind, payload)
-
-
-def _read_by_topic(content: dict[str, Any], codec: Codec, found: Repairs) -> None:
-    """Let the topic decide how a message of a major version that does not exist here is read.
-
-    Robots copy 1.3.2, the example in the schemas of 2.x, or send the version of their software.
-    """
-    stated = version_number(content.get("version"))
-    if stated and nearest_codec(stated) is None:
-        content["version"] = codec.version
-        found["version", RepairKind.UNKNOWN_VERSION] = f"{stated}, read as {codec.version}"
 
 
 @lru_cache(maxsize=10_000)
@@ -206,14 +201,15 @@ def _members_read_for(paths: frozenset[str]) -> frozenset[str]:
 
 
 def _repaired_in(
-    kind: type[M], codec: Codec, content: dict[str, Any], found: Repairs, only: frozenset[str]
+    kind: type[M], codec: Codec, content: dict[str, Any], repairs: Repairs, only: frozenset[str]
 ) -> M | None:
     """Repair the fields in ``only``, or all, and read the message; None if none of them deviates."""
     form = codec.forms.get(kind)
     if form is None:
         return None
-    repair(form, content, found, version=codec.version, now=datetime.now(UTC), scope=Scope.REPORT, only=only)
-    return _read_repaired(kind, codec, content) if found else None
+    at = datetime.now(UTC)
+    repair(form, content, repairs, version=codec.version, now=at, scope=Scope.REPORT, only=only)
+    return _read_repaired(kind, codec, content) if repairs else None
 
 
 def _sighting_in(codec: Codec, payload: bytes) -> State | None:
@@ -223,8 +219,8 @@ def _sighting_in(codec: Codec, payload: bytes) -> State | None:
         content = parse(payload.removeprefix(BYTE_ORDER_MARK))
         if not isinstance(content, dict):
             return None
-        content["version"], now = codec.version, datetime.now(UTC)
-        repair(codec.forms[State], content, {}, version=codec.version, now=now, scope=Scope.SIGHTING)
+        content["version"], at = codec.version, datetime.now(UTC)
+        repair(codec.forms[State], content, {}, version=codec.version, now=at, scope=Scope.SIGHTING)
         return _read_repaired(State, codec, content)
     except (MalformedMessageError, ArithmeticError, ValueError, RecursionError):
         return None
@@ -239,11 +235,3 @@ def _read_repaired(kind: type[M], codec: Codec, content: dict[str, Any]) -> M | 
             return record
         again = written(content)
     return None if again is None else _read_strictly(kind, codec, again)
-
-
-def _unknown_version(known: _KnownReader) -> Repair | None:
-    """Return the deviation of an unsupported minor version, which is read as the nearest supported one."""
-    minor, read_as = known.version.split(".")[:2], known.codec.version.split(".")[:2]
-    if minor == read_as:
-        return None
-    return Repair("version", RepairKind.UNKNOWN_VERSION, f"{known.version}, read as {known.codec.version}")

@@ -130,6 +130,7 @@ SAFEST: Final[Mapping[tuple[type[WireObject], str], object]] = {
     (State, "order_update_id"): 0,
     (State, "last_node_id"): "",
     (State, "last_node_sequence_id"): 0,
+    # no orders are sent, and none is believed to be kept (VDA 5050 3.0, 6.6.6 and 6.6.7)
     (State, "operating_mode"): OperatingMode.MANUAL.value,
     (State, "power_supply"): {},
     (State, "safety_state"): {},
@@ -137,6 +138,7 @@ SAFEST: Final[Mapping[tuple[type[WireObject], str], object]] = {
     (ErrorEntry, "error_level"): ErrorLevel.FATAL.value,
     (SafetyState, "active_emergency_stop"): EmergencyStop.MANUAL.value,
     (SafetyState, "field_violation"): False,
+    # not ended: the order must not go on as if the action had finished
     (ActionState, "action_status"): "RUNNING",
     (PowerSupply, "state_of_charge"): 0.0,
     (PowerSupply, "charging"): False,
@@ -158,18 +160,18 @@ _FULL_TURN: Final = 2 * pi + 1e-3
 _TIME: Final[TypeAdapter[datetime]] = TypeAdapter(Timestamp)
 
 
-def without_mark(payload: bytes, found: Repairs) -> bytes:
+def without_mark(payload: bytes, repairs: Repairs) -> bytes:
     """Return a message without its byte order mark."""
     if not payload.startswith(BYTE_ORDER_MARK):
         return payload
-    found["message", RepairKind.BYTE_ORDER_MARK] = "EF BB BF"
+    repairs["message", RepairKind.BYTE_ORDER_MARK] = "EF BB BF"
     return payload[len(BYTE_ORDER_MARK) :]
 
 
 def repair(
     form: type[Header],
     content: dict[str, Any],
-    found: Repairs,
+    repairs: Repairs,
     *,
     version: str,
     now: datetime,
@@ -181,23 +183,33 @@ def repair(
     Args:
         form: form of the message in the version used for reading.
         content: the message.
-        found: receives the repairs.
+        repairs: receives what was repaired.
         version: number of that version, for messages without one.
         now: time of arrival.
         scope: which repairs are allowed.
         only: paths of the fields to check.
     """
+    required = _required_fields(form)
     if not only or "version" in only:
-        _repair_version(form, content, found, version)
+        stated = content.get("version")
+        complete = version_number(stated)
+        if ("version" in content or "version" in required) and not (complete and complete == stated):
+            content["version"] = complete or version
+            repairs["version", RepairKind.VERSION_NUMBER] = quoted(stated)
     if not only or "timestamp" in only:
-        _repair_timestamp(form, content, found, now)
+        time = content.get("timestamp")
+        if ("timestamp" in content or "timestamp" in required) and not _is_time(time):
+            unix_time = _unix_time(time)
+            content["timestamp"] = iso(unix_time or now)
+            kind = RepairKind.TIME_OF_ARRIVAL if unix_time is None else RepairKind.UNIX_TIME
+            repairs["timestamp", kind] = quoted(time)
     for field in _fields_of(form, "", scope, only):
         try:
-            field.apply(content, found)
+            field.apply(content, repairs)
         except _UnrepairableError:
             if scope is Scope.SIGHTING:
                 field.empty_in(content)
-    if scope is Scope.REPORT and content.get("orderId") and ("orderUpdateId", RepairKind.REPLACED) in found:
+    if scope is Scope.REPORT and content.get("orderId") and ("orderUpdateId", RepairKind.REPLACED) in repairs:
         del content["orderUpdateId"]  # a wrong number would look as if the robot had lost its order
 
 
@@ -209,9 +221,9 @@ def written(content: dict[str, Any]) -> bytes | None:
         return None
 
 
-def repairs_of(found: Repairs) -> tuple[Repair, ...]:
+def repairs_of(repairs: Repairs) -> tuple[Repair, ...]:
     """Return the repairs, each field and kind once."""
-    return tuple([Repair(field, kind, received) for (field, kind), received in found.items()])
+    return tuple([Repair(field, kind, received) for (field, kind), received in repairs.items()])
 
 
 def version_number(value: object) -> str | None:
@@ -223,22 +235,6 @@ def version_number(value: object) -> str | None:
 def _complete_version(text: str) -> str | None:
     written = _VERSION.fullmatch(text)
     return ".".join(str(int(part or "0")) for part in written.groups()) if written else None
-
-
-def _repair_version(form: type[Header], content: dict[str, Any], found: Repairs, version: str) -> None:
-    stated = content.get("version")
-    if ("version" in content or "version" in _required_fields(form)) and not _is_version(stated):
-        content["version"] = version_number(stated) or version
-        found["version", RepairKind.VERSION_NUMBER] = quoted(stated)
-
-
-def _repair_timestamp(form: type[Header], content: dict[str, Any], found: Repairs, now: datetime) -> None:
-    time = content.get("timestamp")
-    if ("timestamp" in content or "timestamp" in _required_fields(form)) and not _is_time(time):
-        unix_time = _unix_time(time)
-        content["timestamp"] = iso(unix_time or now)
-        kind = RepairKind.TIME_OF_ARRIVAL if unix_time is None else RepairKind.UNIX_TIME
-        found["timestamp", kind] = quoted(time)
 
 
 def _unix_time(value: object) -> datetime | None:
@@ -257,11 +253,8 @@ def _required_fields(form: type[Header]) -> frozenset[str]:
     return frozenset(field.name for field in fields_of(form) if field.required)
 
 
-def _is_version(value: object) -> bool:
-    return isinstance(value, str) and version_number(value) == value
-
-
 def _is_time(value: object) -> bool:
+    # pydantic reads a Unix time in a text as a time; VDA 5050 3.0, 7.2 has ISO 8601 only
     if not isinstance(value, str) or _parse_number(value) is not None:
         return False
     try:
@@ -276,22 +269,22 @@ def _fields_of(
     form: type[WireObject], at: str, scope: Scope, only: frozenset[str]
 ) -> tuple[_FieldRepair, ...]:
     fields = (_FieldRepair.of(form, field, at, scope, only) for field in fields_of(form))
-    return tuple(each for each in fields if not only or _leads_to(each.path, only))
-
-
-def _leads_to(path: str, only: frozenset[str]) -> bool:
-    return any(each == path or each.startswith(f"{path}.") for each in only)
+    return tuple(
+        field
+        for field in fields
+        if not only or any(path == field.path or path.startswith(f"{field.path}.") for path in only)
+    )
 
 
 def _object_of(form: type[WireObject], at: str, scope: Scope, only: frozenset[str]) -> _Fix:
     """Return a function that repairs an object of ``form`` at the path ``at``, in place."""
     fields = _fields_of(form, at, scope, frozenset() if at in only else only)
 
-    def fix(content: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
+    def fix(content: Any, repairs: Repairs) -> Any:  # noqa: ANN401 - JSON
         if type(content) is not dict:
             raise _UnrepairableError
         for field in fields:
-            field.apply(content, found)
+            field.apply(content, repairs)
         return content
 
     return fix
@@ -317,57 +310,60 @@ class _FieldRepair:
         cls, form: type[WireObject], field: Field, at: str, scope: Scope, only: frozenset[str]
     ) -> _FieldRepair:
         path = f"{at}.{field.wire[0]}" if at else field.wire[0]
+        # a version's form overrides neutral fields, so the neutral class is among its bases
         keys = [(base, field.name) for base in form.__mro__]
         report = scope is not Scope.COMMAND
         nowhere = any(key in _NEVER_EMPTIED for key in keys)
+        # a trajectory without one of its fields is another curve, so it is left out as a whole
+        optional = report and not field.required and not issubclass(form, Trajectory)
         return cls(
             field=field,
             path=path,
             fix=_fix_of(field.shape, path, scope, only),
             plain=field.shape.kind if field.shape.kind is bool else None,
             empty=field.shape.kind is tuple and field.required and not nowhere and (report or bool(at)),
-            optional=report and not field.required and not issubclass(form, Trajectory),
+            optional=optional,
             safest=next((SAFEST[key] for key in keys if key in SAFEST), None) if report else None,
         )
 
-    def apply(self, content: dict[str, Any], found: Repairs) -> None:
+    def apply(self, content: dict[str, Any], repairs: Repairs) -> None:
         name = self.field.wire[0]
         if name not in content:
-            name = next((each for each in self.field.wire if each in content), name)
+            name = next((older for older in self.field.wire if older in content), name)
         value = content.get(name)
         if value is None:
             if self.field.required or (name in content and not self.field.nullable):
-                self._replace_missing(content, name, found, given=name in content)
+                self._replace_missing(content, name, repairs)
             return
         if type(value) is self.plain:
             return
         try:
-            fixed = self.fix(value, found)
+            fixed = self.fix(value, repairs)
         except _UnrepairableError:
             if self.safest is not None:
                 content[name] = self._safest_value()
-                found[self.path, RepairKind.REPLACED] = quoted(value)
+                repairs[self.path, RepairKind.REPLACED] = quoted(value)
             elif self.optional:
                 del content[name]
-                found[self.path, RepairKind.LEFT_OUT] = quoted(value)
+                repairs[self.path, RepairKind.LEFT_OUT] = quoted(value)
             else:
                 raise
         else:
             if fixed is not value:
                 content[name] = fixed
 
-    def _replace_missing(self, content: dict[str, Any], name: str, found: Repairs, *, given: bool) -> None:
+    def _replace_missing(self, content: dict[str, Any], name: str, repairs: Repairs) -> None:
         """Set a value that is missing or null."""
-        list_given_as_null = given and self.field.shape.kind is tuple
-        if self.empty or list_given_as_null:
+        received = "null" if name in content else "missing"
+        if self.empty or (name in content and self.field.shape.kind is tuple):
             content[name] = []
-            found[self.path, RepairKind.EMPTY_LIST] = "null" if given else "missing"
+            repairs[self.path, RepairKind.EMPTY_LIST] = received
         elif self.safest is not None:
             content[name] = self._safest_value()
-            found[self.path, RepairKind.REPLACED] = "null" if given else "missing"
+            repairs[self.path, RepairKind.REPLACED] = received
         elif self.optional:
             del content[name]
-            found[self.path, RepairKind.LEFT_OUT] = "null"
+            repairs[self.path, RepairKind.LEFT_OUT] = "null"
         else:
             raise _UnrepairableError
 
@@ -412,17 +408,17 @@ def _list_of(shape: Shape, at: str, scope: Scope, only: frozenset[str]) -> _Fix:
     droppable = scope is not Scope.COMMAND and issubclass(item.kind, WireObject | StrEnum)
     droppable = droppable and not issubclass(item.kind, _NEVER_DROPPED)
 
-    def fix(value: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
+    def fix(value: Any, repairs: Repairs) -> Any:  # noqa: ANN401 - JSON
         if type(value) is not list:
             raise _UnrepairableError
         kept: list[Any] = []
-        for each in value:
+        for element in value:
             try:
-                kept.append(fix_item(each, found))
+                kept.append(fix_item(element, repairs))
             except _UnrepairableError:
                 if not droppable:
                     raise
-                found[at, RepairKind.LEFT_OUT] = quoted(each)
+                repairs[at, RepairKind.LEFT_OUT] = quoted(element)
         value[:] = kept
         return value
 
@@ -430,11 +426,12 @@ def _list_of(shape: Shape, at: str, scope: Scope, only: frozenset[str]) -> _Fix:
 
 
 def _word_of(shape: Shape, at: str) -> _Fix:
-    words = [*(each.value for each in shape.kind), *(shape.names or ())]  # type: ignore[attr-defined] # an enumeration
+    words = [*(member.value for member in shape.kind), *(shape.names or ())]  # type: ignore[attr-defined] # an enumeration
     accepted = frozenset(words)
+    # reversed: if two words have the same letters, the enumeration's own wins over an older name
     by_letters = {_letters_of(word): word for word in reversed(words)}
 
-    def fix(value: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
+    def fix(value: Any, repairs: Repairs) -> Any:  # noqa: ANN401 - JSON
         if type(value) is not str:
             raise _UnrepairableError
         if value in accepted:
@@ -442,7 +439,7 @@ def _word_of(shape: Shape, at: str) -> _Fix:
         word = by_letters.get(_letters_of(value))
         if word is None:
             raise _UnrepairableError
-        found[at, RepairKind.LETTER_CASE] = quoted(value)
+        repairs[at, RepairKind.LETTER_CASE] = quoted(value)
         return word
 
     return fix
@@ -454,11 +451,11 @@ def _letters_of(word: str) -> str:
 
 
 def _text_of(shape: Shape, at: str) -> _Fix:
-    def fix(value: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
+    def fix(value: Any, repairs: Repairs) -> Any:  # noqa: ANN401 - JSON
         if type(value) is not str:
             if not isinstance(value, int | float):
                 raise _UnrepairableError
-            found[at, RepairKind.NUMBER_AS_TEXT] = quoted(value)
+            repairs[at, RepairKind.NUMBER_AS_TEXT] = quoted(value)
             value = to_json(value, inf_nan_mode="constants").decode()
         if shape.longest is not None and len(value) > shape.longest:
             raise _UnrepairableError
@@ -470,13 +467,13 @@ def _text_of(shape: Shape, at: str) -> _Fix:
 def _boolean_of(at: str) -> _Fix:
     booleans = {"true": True, "false": False, "1": True, "0": False}
 
-    def fix(value: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
+    def fix(value: Any, repairs: Repairs) -> Any:  # noqa: ANN401 - JSON
         if type(value) is bool:
             return value
         word = str(value).strip().casefold() if isinstance(value, str | int) else ""
         if word not in booleans:
             raise _UnrepairableError
-        found[at, RepairKind.TEXT_AS_BOOLEAN] = quoted(value)
+        repairs[at, RepairKind.TEXT_AS_BOOLEAN] = quoted(value)
         return booleans[word]
 
     return fix
@@ -485,28 +482,28 @@ def _boolean_of(at: str) -> _Fix:
 def _number_of(shape: Shape, at: str, scope: Scope) -> _Fix:
     least, above, most, whole = shape.least, shape.above, shape.most, shape.kind is int
 
-    def fix(value: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
+    def fix(value: Any, repairs: Repairs) -> Any:  # noqa: ANN401 - JSON
         number = value
         if type(number) is str:
             number = _parse_number(number)
-            found_kind: RepairKind | None = RepairKind.TEXT_AS_NUMBER
+            kind: RepairKind | None = RepairKind.TEXT_AS_NUMBER
         else:
-            found_kind = None
+            kind = None
         if type(number) not in (int, float) or not _is_finite(number):
             raise _UnrepairableError
         if whole and type(number) is float:
             if not number.is_integer():
                 raise _UnrepairableError
-            number, found_kind = int(number), found_kind or RepairKind.WHOLE_NUMBER
+            number, kind = int(number), kind or RepairKind.WHOLE_NUMBER
         if (
             (least is not None and number < least)
             or (most is not None and number > most)
             or (above is not None and number <= above)
         ):
-            number, found_kind = _within_limits(number, shape, at, scope)
-        if found_kind is None:
+            number, kind = _within_limits(number, shape, at, scope)
+        if kind is None:
             return value
-        found[at, found_kind] = quoted(value)
+        repairs[at, kind] = quoted(value)
         return number
 
     return fix
@@ -520,7 +517,6 @@ def _is_finite(number: float) -> bool:
 
 
 def _parse_number(text: str) -> float | int | None:
-    """Parse a number."""
     if "_" in text:
         return None  # only Python accepts such a number
     try:

@@ -45,7 +45,7 @@ def test_only_so_many_topics_are_remembered(monkeypatch: pytest.MonkeyPatch) -> 
     messages = MessageReader()
     for number in range(10):
         messages.read(State, f"{TOPIC}{number}", CODEC_2_1.encode(state()), "v2")
-    assert len(messages._known) <= 3
+    assert len(messages._readers) <= 3
 
 
 def test_a_message_that_deviates_is_repaired_and_reported_until_it_is_right_again() -> None:
@@ -83,10 +83,10 @@ def test_deviations_are_forgotten_after_many_right_messages() -> None:
     messages = MessageReader()
     good = CODEC_2_1.encode(state())
     messages.read(State, TOPIC, good.replace(b'"headerId":1', b'"headerId":"1"'), "v2")
-    assert messages._known[TOPIC].deviations == {"headerId"}
+    assert messages._readers[TOPIC].deviations == {"headerId"}
     for _ in range(DEVIATIONS_REMEMBERED):
         messages.read(State, TOPIC, good, "v2")
-    assert not messages._known[TOPIC].deviations
+    assert not messages._readers[TOPIC].deviations
 
 
 def test_a_deviation_that_ended_is_forgotten_while_another_one_lasts() -> None:
@@ -95,10 +95,10 @@ def test_a_deviation_that_ended_is_forgotten_while_another_one_lasts() -> None:
     for charge in (b"80.0", b"101.3"):
         payload = lasting.replace(b'"batteryCharge":80.0', b'"batteryCharge":' + charge)
         messages.read(State, TOPIC, payload, "v2")
-    assert messages._known[TOPIC].deviations == {"headerId", "batteryState.batteryCharge"}
+    assert messages._readers[TOPIC].deviations == {"headerId", "batteryState.batteryCharge"}
     for _ in range(DEVIATIONS_REMEMBERED):
         messages.read(State, TOPIC, lasting, "v2")
-    assert messages._known[TOPIC].deviations == {"headerId"}
+    assert messages._readers[TOPIC].deviations == {"headerId"}
 
 
 def test_a_robot_that_deviates_may_change_its_version() -> None:
