@@ -81,7 +81,7 @@ async def test_orders_beyond_the_limit_are_refused_and_others_continue(
     fleet: Fleet, service: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mqtt_limits, "REQUESTS_LIMIT", 2)
-    gate, hosts = Gate(monkeypatch, "create"), Hosts(fleet)
+    gate, hosts = Gate(monkeypatch, "create_order"), Hosts(fleet)
     client = await service()
     await listening(client)
 

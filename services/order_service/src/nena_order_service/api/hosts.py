@@ -60,6 +60,6 @@ class HostServices:
         oldest = min(orders, key=lambda order: order.number, default=None)
         return FleetSummary(
             transport_orders=Counter(order.state for order in orders),
-            vehicles=Counter(vehicle.state for vehicle in self.vehicles.vehicles()),
+            vehicles=Counter(vehicle.state for vehicle in self.vehicles.iterate_statuses()),
             oldest_order=oldest.name if oldest else None,
         )

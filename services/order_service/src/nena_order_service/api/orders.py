@@ -81,19 +81,19 @@ class OrderOperations:
 
     def handlers(self) -> Iterator[Handler]:
         """Yield what executes each operation."""
-        yield Handler(table.CREATE_ORDER, self.create, EXAMPLE)
+        yield Handler(table.CREATE_ORDER, self.create_order, EXAMPLE)
         yield Handler(
             table.CREATE_ORDERS, self.create_batch, {"transportOrders": [EXAMPLE], "checkOnly": True}
         )
-        yield Handler(table.LIST_ORDERS, self.page)
-        yield Handler(table.SHOW_ORDER, self.order)
-        yield Handler(table.DELIVERY, self.delivery)
-        yield Handler(table.ASSIGNMENT, self.assignment)
-        yield Handler(table.WITHDRAW, self.withdraw, {"reason": "customer cancelled"})
-        yield Handler(table.HOLD, self.hold, {"by": "Anna", "reason": "aisle is blocked"})
-        yield Handler(table.RESUME, self.resume, {"by": "Anna", "reason": "aisle is free"})
+        yield Handler(table.LIST_ORDERS, self.list_orders)
+        yield Handler(table.SHOW_ORDER, self.find_status)
+        yield Handler(table.DELIVERY, self.find_delivery)
+        yield Handler(table.ASSIGNMENT, self.explain_assignment)
+        yield Handler(table.WITHDRAW, self.withdraw_order, {"reason": "customer cancelled"})
+        yield Handler(table.HOLD, self.hold_order, {"by": "Anna", "reason": "aisle is blocked"})
+        yield Handler(table.RESUME, self.resume_order, {"by": "Anna", "reason": "aisle is free"})
 
-    async def create(self, request: TransportOrderRequest) -> tuple[TransportOrderStatus, bool]:
+    async def create_order(self, request: TransportOrderRequest) -> tuple[TransportOrderStatus, bool]:
         """Create an order; return it with False if the same request created it before.
 
         The same request has the same idempotency key, or without one the same name.
@@ -128,7 +128,7 @@ class OrderOperations:
             except (InvalidRequestError, errors.RefusedError) as error:
                 outcomes.append(error)
             else:
-                earlier.add(order)
+                earlier.add_request(order)
             if number % CREATED_AT_ONCE == 0:
                 await unit_of_work.wait_committed()
         await unit_of_work.wait_committed()
@@ -158,53 +158,50 @@ class OrderOperations:
 
     async def _create_uncommitted(self, request: TransportOrderRequest) -> tuple[TransportOrder, bool]:
         """Create an order without waiting for the commit."""
-        request, name, known = await self._prepare_request(request)
-        if known is not None:
-            return known, False
-        ended = await self._ended_dependencies(request)
-        await self._check_sequence(request)
-        known = self._in_memory(None if _is_prefix(request) else name, request.idempotency_key)
-        if known is not None:  # the same request arrived meanwhile
-            _check_known(known, request)
-            return known, False
+        request = set_operations(request, self._engine.plant)
+        check_request(request, self._engine.plant, self._engine.registry.names())
+        exact_name = _exact_name(request)
+        order = await self._find_order(exact_name, request.idempotency_key)
+        if order is None:
+            ended = await self._find_ended_dependencies(request)
+            await self._check_sequence(request)
+            # The store was read in between: the same request may have arrived a second time.
+            order = self._find_in_memory(exact_name, request.idempotency_key)
+        if order is not None:
+            check_same_request(order, request, ORDER_PREFIX, same=order.was_created_by(request))
+            return order, False
         self._engine.unit_of_work.require_store()
+        name = exact_name or f"{request.name or ORDER_PREFIX}-{sortable_id()}"
         return self._engine.create(request, name, ended), True
 
     async def _check_order(
         self, request: TransportOrderRequest, earlier: _Earlier
     ) -> tuple[TransportOrder | None, bool]:
         """Check whether an order could be created after ``earlier`` ones that are not created either."""
-        prepared, _, known = await self._prepare_request(request)
-        if known is None and not earlier.has(request):
-            others = tuple(
-                dependency for dependency in request.dependencies if dependency not in earlier.names
-            )
-            await self._ended_dependencies(prepared.model_copy(update={"dependencies": others}))
-            await self._check_sequence(prepared)
-        return known, False
+        complete = set_operations(request, self._engine.plant)
+        check_request(complete, self._engine.plant, self._engine.registry.names())
+        order = await self._find_order(_exact_name(request), request.idempotency_key)
+        if order is not None:
+            check_same_request(order, complete, ORDER_PREFIX, same=order.was_created_by(complete))
+        elif not earlier.has_accepted(request):
+            # Earlier orders of the batch would exist by now, so an order may depend on them.
+            stored = tuple(name for name in request.dependencies if name not in earlier.names)
+            await self._find_ended_dependencies(complete.model_copy(update={"dependencies": stored}))
+            await self._check_sequence(complete)
+        return order, False
 
-    async def _prepare_request(
+    async def _find_ended_dependencies(
         self, request: TransportOrderRequest
-    ) -> tuple[TransportOrderRequest, str, TransportOrder | None]:
-        """Return a valid request with its operations, the order's name, and the order that it has created."""
-        request = set_operations(request, self._engine.plant)
-        check_request(request, self._engine.plant, self._engine.registry.names())
-        name = request.name or ORDER_PREFIX
-        known = await self._find_order(None if _is_prefix(request) else name, request.idempotency_key)
-        if known is not None:
-            _check_known(known, request)
-        return request, f"{name}-{sortable_id()}" if _is_prefix(request) else name, known
-
-    async def _ended_dependencies(self, request: TransportOrderRequest) -> dict[str, TransportOrderState]:
+    ) -> dict[str, TransportOrderState]:
         """Return the final states of dependencies; raises UnknownDependencyError."""
         ended: dict[str, TransportOrderState] = {}
         unknown: list[str] = []
         for name in request.dependencies:
-            known = await self._find_order(name, None)
-            if known is None:
+            order = await self._find_order(name, None)
+            if order is None:
                 unknown.append(name)
-            elif known.state.final:
-                ended[name] = known.state
+            elif order.state.final:
+                ended[name] = order.state
         if unknown:
             raise errors.UnknownDependencyError(unknown)
         return ended
@@ -215,26 +212,31 @@ class OrderOperations:
         if name is None:
             return
         sequence = sequences.named(name) or await self._engine.store.sequence(name=name)
-        sequence = sequences.named(name) or sequence
+        sequence = sequences.named(name) or sequence  # it may have changed while the store was read
         if sequence is None:
             raise errors.UnknownSequenceError(name)
         if reasons := tuple(sequence.refusals(request)):
             raise errors.SequenceRefusesError(name, reasons)
 
-    async def page(self, request: TransportOrdersQuery) -> Reply:
+    async def list_orders(self, request: TransportOrdersQuery) -> Reply:
         """Return a page of orders, newest first."""
         store = self._engine.store
-        before = int(request.after) if request.after else None
-        first = 0 if request.since is None else await store.order_number_at(request.since)
+        before_number = int(request.after) if request.after else None
+        first_number = 0 if request.since is None else await store.order_number_at(request.since)
         if request.until is not None:
             end = await store.order_number_at(request.until)
-            before = end if before is None else min(before, end)
-        wanted = OrderFilter(
-            tuple(request.state or ()), request.intended_vehicle, before, request.limit + 1, first
+            before_number = end if before_number is None else min(before_number, end)
+        wanted = OrderFilter(  # one more than the page: whether there is a next one
+            tuple(request.state or ()),
+            request.intended_vehicle,
+            before_number,
+            request.limit + 1,
+            first_number,
         )
+        # Encoded one by one: a page of models would take five times the memory.
         page: list[bytes] = []
         last, following = 0, None
-        async for order in self.orders(wanted):
+        async for order in self.iterate_orders(wanted):
             if len(page) == request.limit:
                 following = str(last)
             else:
@@ -242,34 +244,34 @@ class OrderOperations:
                 last = order.number
         return Reply(b'{"transportOrders":[%s],"next":%s}' % (b",".join(page), to_json(following)))
 
-    async def orders(self, wanted: OrderFilter) -> AsyncIterator[TransportOrder]:
+    async def iterate_orders(self, wanted: OrderFilter) -> AsyncIterator[TransportOrder]:
         """Yield orders, newest first; only some of them are in memory at a time."""
-        before, left = wanted.before, wanted.limit
+        before_number, left = wanted.before, wanted.limit
         while left > 0:
-            asked = min(left, ORDERS_AT_ONCE)
-            found = await self._engine.store.orders(replace(wanted, before=before, limit=asked))
-            for order in found:
+            limit = min(left, ORDERS_AT_ONCE)
+            orders = await self._engine.store.orders(replace(wanted, before=before_number, limit=limit))
+            for order in orders:
                 yield order
-            if len(found) < asked:
+            if len(orders) < limit:
                 return
-            before, left = found[-1].number, left - asked
+            before_number, left = orders[-1].number, left - limit
 
-    async def order(self, name: str) -> TransportOrderStatus:
-        """Return an order."""
+    async def find_status(self, name: str) -> TransportOrderStatus:
+        """Return the status of an order; raises UnknownOrderError."""
         order = self._orders.visible_named(name) or await self._engine.store.order(name=name)
         if order is None:
             raise errors.UnknownOrderError(name)
         return order.status
 
-    async def delivery(self, name: str) -> DeliveryStatus:
+    async def find_delivery(self, name: str) -> DeliveryStatus:
         """Return the progress of an order's delivery to its robot."""
-        order = await self.order(name)
+        order = await self.find_status(name)
         vehicle = self._engine.registry.named(order.processing_vehicle)
         return delivery_status(order, self._engine.view(vehicle) if vehicle else None)
 
-    async def assignment(self, name: str, request: AssignmentQuery) -> AssignmentStatus:
+    async def explain_assignment(self, name: str, request: AssignmentQuery) -> AssignmentStatus:
         """Return why vehicles do not execute an order."""
-        status, order = await self.order(name), self._orders.named(name)
+        status, order = await self.find_status(name), self._orders.named(name)
         fits = [] if order is None or order.state.final else self._engine.dispatching.explain(order)
         return AssignmentStatus(
             transport_order=status.name,
@@ -284,7 +286,7 @@ class OrderOperations:
             left_out=len(fits[request.limit :]),
         )
 
-    async def withdraw(
+    async def withdraw_order(
         self, name: str, request: WithdrawalRequest, seen: ETag | None = None
     ) -> TransportOrderStatus:
         """Withdraw an order: it fails at once, or once its vehicle has released it."""
@@ -293,7 +295,7 @@ class OrderOperations:
             self._engine.withdraw(order.number, request.reason, immediate=request.immediate)
         return self._visible_status(order)
 
-    async def hold(
+    async def hold_order(
         self, name: str, request: HoldRequest, caller: str, seen: ETag | None
     ) -> TransportOrderStatus:
         """Hold an order until it is resumed; an order that is already held keeps its holder."""
@@ -305,7 +307,7 @@ class OrderOperations:
             self._engine.hold(order.number, by, request.reason, immediate=request.immediate)
         return self._visible_status(order)
 
-    async def resume(
+    async def resume_order(
         self, name: str, request: ResumeRequest, caller: str, seen: ETag | None
     ) -> TransportOrderStatus:
         """Resume a held order; an order that is not held stays unchanged."""
@@ -314,7 +316,7 @@ class OrderOperations:
             self._engine.resume(order.number, request.by or caller, request.reason)
         return self._visible_status(order)
 
-    async def intend(self, name: str, vehicle: str | None) -> None:
+    async def set_intended_vehicle(self, name: str, vehicle: str | None) -> None:
         """Set the intended vehicle of an unassigned order; None: any vehicle.
 
         Raises:
@@ -344,14 +346,15 @@ class OrderOperations:
 
     async def _find_order(self, name: str | None, key: str | None) -> TransportOrder | None:
         """Return the order with this key, otherwise with this name; from the store if not in memory."""
-        if order := self._in_memory(name, key):
+        if order := self._find_in_memory(name, key):
             return order
         if name is None and key is None:
             return None
         stored = await self._engine.store.order(name=name, idempotency_key=key)
-        return stored or self._in_memory(name, key)
+        # Not in the store does not mean that it has not been created while the store was read.
+        return stored or self._find_in_memory(name, key)
 
-    def _in_memory(self, name: str | None, key: str | None) -> TransportOrder | None:
+    def _find_in_memory(self, name: str | None, key: str | None) -> TransportOrder | None:
         return self._orders.keyed(key) or (self._orders.named(name) if name else None)
 
     def _visible_status(self, order: TransportOrder) -> TransportOrderStatus:
@@ -365,20 +368,20 @@ class _Earlier:
     names: dict[str, TransportOrderRequest] = field(default_factory=dict)
     keys: dict[str, TransportOrderRequest] = field(default_factory=dict)
 
-    def add(self, request: TransportOrderRequest) -> None:
-        if request.name and not _is_prefix(request):
-            self.names.setdefault(request.name, request)
+    def add_request(self, request: TransportOrderRequest) -> None:
+        if name := _exact_name(request):
+            self.names.setdefault(name, request)
         if request.idempotency_key:
             self.keys.setdefault(request.idempotency_key, request)
 
-    def has(self, request: TransportOrderRequest) -> bool:
+    def has_accepted(self, request: TransportOrderRequest) -> bool:
         """Return whether the same request was accepted; raises an error for a used name or key."""
-        key, name = request.idempotency_key, request.name
+        key, name = request.idempotency_key, _exact_name(request)
         if key and key in self.keys:
             if self.keys[key] != request:
                 raise errors.KeyReusedError(key, self.keys[key].name or "an earlier order of the batch")
             return True
-        if name and not _is_prefix(request) and name in self.names:
+        if name and name in self.names:
             if key or self.names[name] != request:
                 raise errors.NameTakenError(name)
             return True
@@ -389,6 +392,7 @@ def delivery_status(order: TransportOrderStatus, view: RobotView | None) -> Deli
     """Return the progress of an order's delivery; ``view`` None: no vehicle has it, or its robot is gone."""
     first = order_id(order.name, order.current_drive_order_index)
     own = view.order_id if view else None
+    # An order that was broken off is sent again under its ID with a suffix.
     tried = own is not None and (own == first or own.startswith(f"{first}~"))
     if order.state.final or not tried or view is None or view.order_phase is None:
         return DeliveryStatus(transport_order=order.name, phase=DeliveryPhase.NONE)
@@ -409,36 +413,30 @@ def check_version(name: str, version: int, seen: ETag | None) -> None:
         raise errors.VersionChangedError(name, str(seen), version)
 
 
-def _is_prefix(request: TransportOrderRequest) -> bool:
-    """Return whether the order service completes the request's name, or makes one."""
-    return request.name is None or request.incomplete_name
+def _exact_name(request: TransportOrderRequest) -> str | None:
+    """Return the name of a request's order; None: the order service completes the name, or makes one."""
+    return None if request.incomplete_name else request.name
 
 
-def _check_known(known: TransportOrder, request: TransportOrderRequest) -> None:
-    """Raise an error unless ``request`` is the one that has created the order ``known``."""
-    name, complete = request.name or ORDER_PREFIX, _is_prefix(request)
-    known_name = f"{name}-" if complete else name
-    check_same(known, request, known_name, complete=complete, same=known.was_created_by(request))
-
-
-def check_same(
-    known: TransportOrder | OrderSequence,
+def check_same_request(
+    existing: TransportOrder | OrderSequence,
     request: TransportOrderRequest | OrderSequenceRequest,
-    name: str,
+    default_prefix: str,
     *,
-    complete: bool,
     same: bool,
 ) -> None:
-    """Raise an error for a used name or key, unless the request is the ``same``.
+    """Raise an error unless ``request`` is the ``same`` that has created the ``existing`` object.
 
-    ``complete``: ``name`` is only a prefix.
+    ``default_prefix``: begins the name of an object whose request has none.
     """
-    key, kind = (
-        request.idempotency_key,
-        "Order sequence" if isinstance(known, OrderSequence) else "Transport order",
-    )
-    if known.idempotency_key != key:
+    key, name = request.idempotency_key, request.name or default_prefix
+    kind = "Order sequence" if isinstance(existing, OrderSequence) else "Transport order"
+    if request.name is None or request.incomplete_name:
+        name = f"{name}-"
+        has_name = existing.name.startswith(name)
+    else:
+        has_name = existing.name == name
+    if existing.idempotency_key != key:
         raise errors.NameTakenError(name, kind)
-    named = known.name.startswith(name) if complete else known.name == name
-    if not (named and same):
-        raise errors.NameTakenError(name, kind) if key is None else errors.KeyReusedError(key, known.name)
+    if not (has_name and same):
+        raise errors.NameTakenError(name, kind) if key is None else errors.KeyReusedError(key, existing.name)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from nena_order_service import errors
 from nena_order_service.api.operations import ETag, Handler
-from nena_order_service.api.orders import check_same, check_version
+from nena_order_service.api.orders import check_same_request, check_version
 from nena_order_service.engine.engine import Engine
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import sortable_id
@@ -30,34 +30,35 @@ class SequenceOperations:
 
     def handlers(self) -> Iterator[Handler]:
         """Yield what executes each operation."""
-        yield Handler(table.CREATE_SEQUENCE, self.create, {"name": "Tour-1", "failureFatal": True})
-        yield Handler(table.LIST_SEQUENCES, self.page)
-        yield Handler(table.SHOW_SEQUENCE, self.sequence)
-        yield Handler(table.COMPLETE_SEQUENCE, self.complete)
+        yield Handler(table.CREATE_SEQUENCE, self.create_sequence, {"name": "Tour-1", "failureFatal": True})
+        yield Handler(table.LIST_SEQUENCES, self.list_sequences)
+        yield Handler(table.SHOW_SEQUENCE, self.find_status)
+        yield Handler(table.COMPLETE_SEQUENCE, self.complete_sequence)
 
-    async def create(self, request: OrderSequenceRequest) -> tuple[OrderSequenceStatus, bool]:
+    async def create_sequence(self, request: OrderSequenceRequest) -> tuple[OrderSequenceStatus, bool]:
         """Create a sequence; return it with False if the same request created it before."""
         vehicle = request.intended_vehicle
         if vehicle is not None and vehicle not in self._engine.registry.names():
             raise errors.UnknownVehicleError(vehicle)
-        prefix = request.name or SEQUENCE_PREFIX
-        complete = request.name is None or request.incomplete_name
-        name = f"{prefix}-{sortable_id()}" if complete else prefix
-        known = await self._find_sequence(None if complete else name, request.idempotency_key)
-        if known is None:
+        exact_name = None if request.incomplete_name else request.name
+        sequence = await self._find_sequence(exact_name, request.idempotency_key)
+        if sequence is None:
+            name = exact_name or f"{request.name or SEQUENCE_PREFIX}-{sortable_id()}"
             async with self._engine.unit_of_work.saved():
                 with self._engine.change():
                     sequence = self._engine.sequences.create(request, name)
                 log.info("order sequence created", sequence=name)
             return self._visible_status(sequence), True
-        name = f"{prefix}-" if complete else name
-        check_same(known, request, name, complete=complete, same=known.was_created_by(request))
+        check_same_request(sequence, request, SEQUENCE_PREFIX, same=sequence.was_created_by(request))
         await self._engine.unit_of_work.wait_committed()
-        return self._visible_status(known), False
+        return self._visible_status(sequence), False
 
-    async def complete(self, name: str, seen: ETag | None = None) -> OrderSequenceStatus:
+    async def complete_sequence(self, name: str, seen: ETag | None = None) -> OrderSequenceStatus:
         """Mark a sequence complete: no more orders can join. A complete sequence stays unchanged."""
-        sequence = await self._sequence_named(name)
+        sequence = await self._find_sequence(name, None)
+        if sequence is None:
+            raise errors.UnknownSequenceError(name)
+        sequence = self._sequences.named(name) or sequence  # it may have changed while the store was read
         check_version(name, sequence.status.version, seen)
         async with self._engine.unit_of_work.saved():
             if not sequence.status.complete:
@@ -66,7 +67,7 @@ class SequenceOperations:
                 log.info("order sequence complete", sequence=name)
         return self._visible_status(sequence)
 
-    async def page(self, request: OrderSequencesQuery) -> OrderSequencePage:
+    async def list_sequences(self, request: OrderSequencesQuery) -> OrderSequencePage:
         """Return a page of sequences, newest first."""
         wanted = SequenceFilter(
             request.finished,
@@ -76,41 +77,29 @@ class SequenceOperations:
             before=int(request.after) if request.after else None,
             limit=request.limit + 1,
         )
-        sequences = await self.sequences(wanted)
+        sequences = await self._engine.store.sequences(wanted)
         page = sequences[: request.limit]
         return OrderSequencePage(
             order_sequences=tuple(each.status for each in page),
             next=str(page[-1].number) if len(sequences) > request.limit else None,
         )
 
-    async def sequence(self, name: str) -> OrderSequenceStatus:
+    async def find_status(self, name: str) -> OrderSequenceStatus:
         """Return a sequence."""
-        found = self._sequences.visible(name) or await self._engine.store.sequence(name=name)
-        if found is None:
+        sequence = self._sequences.visible(name) or await self._engine.store.sequence(name=name)
+        if sequence is None:
             raise errors.UnknownSequenceError(name)
-        return found.status
-
-    async def sequences(self, wanted: SequenceFilter) -> tuple[OrderSequence, ...]:
-        """Return a page of sequences, newest first."""
-        return await self._engine.store.sequences(wanted)
+        return sequence.status
 
     async def _find_sequence(self, name: str | None, key: str | None) -> OrderSequence | None:
         """Return the sequence with this key, otherwise with this name; from the store if not in memory."""
-        if found := self._in_memory(name, key):
-            return found
+        if sequence := self._sequences.keyed(key) or self._sequences.named(name):
+            return sequence
         if name is None and key is None:
             return None
         stored = await self._engine.store.sequence(name=name, idempotency_key=key)
-        return stored or self._in_memory(name, key)
-
-    def _in_memory(self, name: str | None, key: str | None) -> OrderSequence | None:
-        return self._sequences.keyed(key) or self._sequences.named(name)
-
-    async def _sequence_named(self, name: str) -> OrderSequence:
-        found = await self._find_sequence(name, None)
-        if found is None:
-            raise errors.UnknownSequenceError(name)
-        return self._sequences.named(name) or found
+        # Not in the store does not mean that it has not been created while the store was read.
+        return stored or self._sequences.keyed(key) or self._sequences.named(name)
 
     def _visible_status(self, sequence: OrderSequence) -> OrderSequenceStatus:
         return (

@@ -54,8 +54,8 @@ class VehicleOperations:
 
     def handlers(self) -> Iterator[Handler]:
         """Yield what executes each operation."""
-        yield Handler(table.LIST_VEHICLES, self.page)
-        yield Handler(table.SHOW_VEHICLE, self.vehicle)
+        yield Handler(table.LIST_VEHICLES, self.list_vehicles)
+        yield Handler(table.SHOW_VEHICLE, self.find_status)
         yield Handler(
             table.INTEGRATION_LEVEL,
             lambda name, request: self.set_integration_level(name, request.integration_level),
@@ -66,51 +66,53 @@ class VehicleOperations:
             lambda name, request: self.accept_order_types(name, request.acceptable_order_types),
             {"acceptableOrderTypes": [{"name": "Transport", "priority": 1}]},
         )
-        yield Handler(table.DISPATCH, self.dispatch, {"point": "Parking bay"})
-        yield Handler(table.INSTANT_ACTION, self.instant_action, {"actionType": "pause"})
+        yield Handler(table.DISPATCH, self.dispatch_vehicle, {"point": "Parking bay"})
+        yield Handler(table.INSTANT_ACTION, self.send_instant_action, {"actionType": "pause"})
         yield Handler(
-            table.REROUTE, lambda name, request: self.reroute(name, request.type), {"type": "REGULAR"}
+            table.REROUTE, lambda name, request: self.reroute_vehicle(name, request.type), {"type": "REGULAR"}
         )
 
-    def page(self, request: VehiclesQuery) -> VehicleList:
+    def list_vehicles(self, request: VehiclesQuery) -> VehicleList:
         """Return a page of vehicles."""
         wanted = (
             vehicle
-            for vehicle in self.vehicles(request.after)
+            for vehicle in self.iterate_statuses(request.after)
             if (not request.state or vehicle.state in request.state)
             and (not request.processing_state or vehicle.processing_state in request.processing_state)
         )
         page, following = page_of(wanted, request.limit)
         return VehicleList(vehicles=page, next=following)
 
-    def vehicles(self, after: str | None = None) -> Iterator[VehicleStatus]:
+    def iterate_statuses(self, after: str | None = None) -> Iterator[VehicleStatus]:
         """Yield all vehicles, or those after the one named ``after``."""
         vehicles = [*self._engine.registry]
-        start = vehicles.index(self._vehicle_named(after)) + 1 if after is not None else 0
+        start = vehicles.index(self._find_vehicle(after)) + 1 if after is not None else 0
         return map(self._engine.reporter.vehicle_status, vehicles[start:])
 
-    def vehicle(self, name: str) -> VehicleStatus:
+    def find_status(self, name: str) -> VehicleStatus:
         """Return a vehicle."""
-        return self._engine.reporter.vehicle_status(self._vehicle_named(name))
+        return self._engine.reporter.vehicle_status(self._find_vehicle(name))
 
     async def set_integration_level(self, name: str, level: IntegrationLevel) -> VehicleStatus:
         """Set the integration level of a vehicle; it survives restarts."""
-        vehicle = self._vehicle_named(name)
+        vehicle = self._find_vehicle(name)
         async with self._engine.unit_of_work.saved():
             self._engine.set_integration_level(vehicle, level)
         return self._engine.reporter.vehicle_status(vehicle)
 
     async def accept_order_types(self, name: str, types: tuple[AcceptableOrderType, ...]) -> VehicleStatus:
         """Set the order types that a vehicle accepts; they survive restarts."""
-        vehicle = self._vehicle_named(name)
+        vehicle = self._find_vehicle(name)
         async with self._engine.unit_of_work.saved():
             self._engine.accept_order_types(vehicle, types)
         return self._engine.reporter.vehicle_status(vehicle)
 
-    async def dispatch(self, name: str, request: DispatchRequest) -> tuple[TransportOrderStatus, bool]:
-        """Send a vehicle somewhere with a new order; see :meth:`OrderOperations.create`."""
-        self._vehicle_named(name)
-        return await self._orders.create(
+    async def dispatch_vehicle(
+        self, name: str, request: DispatchRequest
+    ) -> tuple[TransportOrderStatus, bool]:
+        """Send a vehicle somewhere with a new order; see :meth:`OrderOperations.create_order`."""
+        self._find_vehicle(name)
+        return await self._orders.create_order(
             TransportOrderRequest(
                 destinations=(request.destination(),),
                 intended_vehicle=name,
@@ -120,9 +122,9 @@ class VehicleOperations:
             )
         )
 
-    async def reroute(self, name: str, kind: ReroutingType) -> ReroutingAnswer:
+    async def reroute_vehicle(self, name: str, kind: ReroutingType) -> ReroutingAnswer:
         """Replan the route of the order that a vehicle works on; see :meth:`Rerouting.request`."""
-        vehicle = self._vehicle_named(name)
+        vehicle = self._find_vehicle(name)
         async with self._engine.unit_of_work.saved():
             rerouted = self._engine.reroute(vehicle, kind)
             order = self._engine.reporter.vehicle_status(vehicle).transport_order
@@ -134,9 +136,9 @@ class VehicleOperations:
             route=rerouted.route,
         )
 
-    async def instant_action(self, name: str, request: InstantActionRequest) -> Reply:
+    async def send_instant_action(self, name: str, request: InstantActionRequest) -> Reply:
         """Send an instant action to a vehicle and wait briefly for its end; 202: it is still running."""
-        vehicle = self._vehicle_named(name)
+        vehicle = self._find_vehicle(name)
         action_type = ACTION_TYPES.get(request.action_type, request.action_type)
         parameters = tuple(
             ActionParameter(key=parameter.key, value=parameter.value) for parameter in request.parameters
@@ -200,8 +202,8 @@ class VehicleOperations:
         def distance(point: Point) -> float:
             return hypot(point.x_m - pose.x_m, point.y_m - pose.y_m)
 
-        points = (each for each in self._engine.plant.points if (each.map_id or profile.map_id) == map_id)
-        near = [each for each in points if distance(each) <= profile.deviation_xy]
+        points = (point for point in self._engine.plant.points if (point.map_id or profile.map_id) == map_id)
+        near = [point for point in points if distance(point) <= profile.deviation_xy]
         on_map = profile.on(map_id).pose_to_map(pose)
         yield ActionParameter(key="x", value=on_map.x_m)
         yield ActionParameter(key="y", value=on_map.y_m)
@@ -209,7 +211,7 @@ class VehicleOperations:
         yield ActionParameter(key="mapId", value=map_id)
         yield ActionParameter(key="lastNodeId", value=min(near, key=distance).name if near else "")
 
-    def _vehicle_named(self, name: str) -> FleetVehicle:
+    def _find_vehicle(self, name: str) -> FleetVehicle:
         vehicle = self._engine.registry.named(name)
         if vehicle is None:
             raise UnknownVehicleError(name)

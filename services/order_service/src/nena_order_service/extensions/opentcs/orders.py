@@ -139,27 +139,28 @@ def add_routes(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
     _add_orders(app, hosts)
     _add_withdrawal(app, hosts)
     _add_assignment(app, hosts, engine)
-    _add_sequences(app, hosts)
+    _add_sequences(app, hosts, engine)
 
 
 def _add_orders(app: FastAPI, hosts: HostServices) -> None:
     @app.get(ORDERS)
     async def list_orders(intended_vehicle: IntendedVehicle = None) -> list[TransportOrderState]:
         if intended_vehicle is not None:
-            hosts.vehicles.vehicle(intended_vehicle)
+            hosts.vehicles.find_status(intended_vehicle)
         wanted = OrderFilter(intended_vehicle=intended_vehicle, limit=LISTED)
         return [
-            TransportOrderState.model_validate(order.status) async for order in hosts.orders.orders(wanted)
+            TransportOrderState.model_validate(order.status)
+            async for order in hosts.orders.iterate_orders(wanted)
         ]
 
     @app.get(f"{ORDERS}/{{name}}")
     async def show(name: str) -> TransportOrderState:
-        return TransportOrderState.model_validate(await hosts.orders.order(name))
+        return TransportOrderState.model_validate(await hosts.orders.find_status(name))
 
     @app.post(f"{ORDERS}/{{name}}")
     async def create(name: str, body: CreationRequest) -> TransportOrderState:
         request = TransportOrderRequest.model_validate({"name": name, **body.model_dump(exclude_none=True)})
-        order, new = await hosts.orders.create(request)
+        order, new = await hosts.orders.create_order(request)
         if not new:
             raise errors.NameTakenError(name)
         return TransportOrderState.model_validate(order)
@@ -169,32 +170,32 @@ def _add_withdrawal(app: FastAPI, hosts: HostServices) -> None:
     @app.post(f"{ORDERS}/{{name}}/withdrawal", response_class=Response)
     async def withdraw(name: str) -> None:
         with suppress(errors.OrderEndedError):  # like openTCS: nothing is left to withdraw
-            await hosts.orders.withdraw(name, WITHDRAWAL)
+            await hosts.orders.withdraw_order(name, WITHDRAWAL)
 
     @app.post("/v1/vehicles/{name}/withdrawal", response_class=Response)
     async def withdraw_from_vehicle(name: str) -> None:
-        order = hosts.vehicles.vehicle(name).transport_order
+        order = hosts.vehicles.find_status(name).transport_order
         if order is not None:
-            await hosts.orders.withdraw(order, WITHDRAWAL)
+            await hosts.orders.withdraw_order(order, WITHDRAWAL)
 
 
 def _add_assignment(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
     @app.put(f"{ORDERS}/{{name}}/intendedVehicle", response_class=Response)
     async def intend(name: str, vehicle: str | None = None) -> None:
         try:
-            await hosts.orders.intend(name, vehicle)
+            await hosts.orders.set_intended_vehicle(name, vehicle)
         except errors.OrderAssignedError as error:
             raise NotPossibleError(str(error)) from error
 
     @app.post(f"{ORDERS}/{{name}}/immediateAssignment", response_class=Response)
     async def assign(name: str) -> None:
         """Dispatch at once; succeed if this assigns the order to its intended vehicle."""
-        order = await hosts.orders.order(name)
+        order = await hosts.orders.find_status(name)
         reason = _why_not_assigned(order)
         if not reason and order.processing_vehicle != order.intended_vehicle:
             engine.run_checks()
             await engine.unit_of_work.wait_committed()
-            order = await hosts.orders.order(name)
+            order = await hosts.orders.find_status(name)
             if order.processing_vehicle != order.intended_vehicle:
                 reason = f"{order.state}, {order.reason}"
         if reason:
@@ -211,20 +212,20 @@ def _why_not_assigned(order: TransportOrderStatus) -> str:
     return "" if order.wrapping_sequence is None else "it belongs to a sequence"
 
 
-def _add_sequences(app: FastAPI, hosts: HostServices) -> None:
+def _add_sequences(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
     @app.get(SEQUENCES)
     async def list_sequences(intended_vehicle: IntendedVehicle = None) -> list[OrderSequenceState]:
         if intended_vehicle is not None:
-            hosts.vehicles.vehicle(intended_vehicle)
+            hosts.vehicles.find_status(intended_vehicle)
         wanted = SequenceFilter(intended_vehicle=intended_vehicle, limit=LISTED)
         return [
             OrderSequenceState.model_validate(sequence.status)
-            for sequence in await hosts.sequences.sequences(wanted)
+            for sequence in await engine.store.sequences(wanted)
         ]
 
     @app.get(f"{SEQUENCES}/{{name}}")
     async def show(name: str) -> OrderSequenceState:
-        return OrderSequenceState.model_validate(await hosts.sequences.sequence(name))
+        return OrderSequenceState.model_validate(await hosts.sequences.find_status(name))
 
     @app.post(f"{SEQUENCES}/{{name}}")
     async def create(name: str, body: OrderSequenceCreation) -> OrderSequenceState:
@@ -233,11 +234,11 @@ def _add_sequences(app: FastAPI, hosts: HostServices) -> None:
             order_types=body.order_types or (body.type or ANY_TYPE,),
             **body.model_dump(exclude={"type", "order_types"}, exclude_none=True),
         )
-        sequence, new = await hosts.sequences.create(request)
+        sequence, new = await hosts.sequences.create_sequence(request)
         if not new:
             raise errors.NameTakenError(name, "Order sequence")
         return OrderSequenceState.model_validate(sequence)
 
     @app.put(f"{SEQUENCES}/{{name}}/complete", response_class=Response)
     async def complete(name: str) -> None:
-        await hosts.sequences.complete(name)
+        await hosts.sequences.complete_sequence(name)

@@ -46,9 +46,9 @@ def _add_jobs(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
         order: Annotated[str | None, Query(alias="relatedTransportOrder")] = None,
     ) -> list[dict[str, Any]]:
         if vehicle is not None:
-            hosts.vehicles.vehicle(vehicle)
+            hosts.vehicles.find_status(vehicle)
         if order is not None:
-            await hosts.orders.order(order)
+            await hosts.orders.find_status(order)
         jobs = peripherals.page(PeripheralJobsQuery(vehicle=vehicle, transport_order=order))
         return [peripheral_job(job) for job in jobs.peripheral_jobs]
 

@@ -155,12 +155,12 @@ def _add_states(app: FastAPI, hosts: HostServices, engine: Engine, changes: Chan
     async def list_vehicles(
         proc_state: Annotated[ProcessingState | None, Query(alias="procState")] = None,
     ) -> list[VehicleState]:
-        vehicles = hosts.vehicles.vehicles()
+        vehicles = hosts.vehicles.iterate_statuses()
         return [state_of(vehicle) for vehicle in vehicles if proc_state in (None, vehicle.processing_state)]
 
     @app.get(f"{VEHICLES}/{{name}}")
     async def show(name: str) -> VehicleState:
-        return state_of(hosts.vehicles.vehicle(name))
+        return state_of(hosts.vehicles.find_status(name))
 
 
 def _add_commands(app: FastAPI, hosts: HostServices) -> None:
@@ -198,7 +198,7 @@ def _add_commands(app: FastAPI, hosts: HostServices) -> None:
 
 def _add_drivers(app: FastAPI, hosts: HostServices) -> None:
     """Serve the routes for vehicle drivers: each vehicle has the same one, always."""
-    require = hosts.vehicles.vehicle
+    require = hosts.vehicles.find_status
 
     @app.get(f"{VEHICLES}/{{name}}/commAdapter/attachmentInformation")
     async def attachment(name: str) -> dict[str, Any]:
@@ -231,7 +231,7 @@ def _add_route_query(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
     @app.post(f"{VEHICLES}/{{name}}/routeComputationQuery")
     async def routes(name: str, body: RoutesRequest) -> dict[str, Any]:
         """Compute the cheapest route to each point: only one, whatever ``maxRoutesPerDestinationPoint``."""
-        position = hosts.vehicles.vehicle(name).current_position
+        position = hosts.vehicles.find_status(name).current_position
         start = body.source_point or position
         if start is None:
             text = f"The position of vehicle {name!r} is unknown; name a sourcePoint."
