@@ -25,29 +25,29 @@ class Told:
     coming: Mapping[str | None, int] = field(default_factory=dict)
     """How many vehicles are to come to locations."""
 
-    def kind(self, order: TransportOrder) -> OrderKind:
+    def kind_of(self, order: TransportOrder) -> OrderKind:
         return kind_of(order)
 
-    def named(self, order: TransportOrder) -> Collection[str]:
+    def vehicles_named_by(self, order: TransportOrder) -> Collection[str]:
         return order.status.excluded_vehicles
 
     def why_unsuitable(self, order: TransportOrder, vehicle: DispatchedVehicle) -> Reason | None:
         return self.unsuitable.get((order.status.type, vehicle.name))
 
-    def recharges(self, order: TransportOrder) -> bool:
+    def recharges_next(self, order: TransportOrder) -> bool:
         return order.current.destination.operation == "Charge"
 
-    def pick(self, order: TransportOrder) -> Pick | None:
+    def first_pick(self, order: TransportOrder) -> Pick | None:
         return Pick() if order.current.destination.operation == "Load" else None
 
-    def costs(
+    def route_costs(
         self, order: TransportOrder, vehicles: Sequence[DispatchedVehicle]
     ) -> Sequence[tuple[float, float]]:
         named = ((order.name, vehicle.name) for vehicle in vehicles)
         costs = (self.costs_of.get(pair, self.costs_of.get(pair[1], inf)) for pair in named)
         return [(cost, cost) for cost in costs]
 
-    def visits(self) -> Mapping[str | None, int]:
+    def outstanding_visits(self) -> Mapping[str | None, int]:
         return self.coming
 
     def why_no_route(self, order: TransportOrder, vehicle: DispatchedVehicle) -> Reason:

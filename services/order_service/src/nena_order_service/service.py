@@ -31,7 +31,7 @@ from nena_order_service.extension import Core, EditPlant, Extension, Listeners, 
 from nena_order_service.fleet.link import FleetLink, HeaderIds, RobotAddresses
 from nena_order_service.fleet.vda_order import OperationMap
 from nena_order_service.orders.vda_orders import OrderPlanner
-from nena_order_service.routing.graph import evaluators
+from nena_order_service.routing.graph import cost_evaluators
 from nena_order_service.routing.router import RouteFinder, Router
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.store import Store
@@ -280,8 +280,8 @@ def _make_addresses(settings: OrderServiceSettings, registry: VehicleRegistry) -
 
 def make_engine(settings: OrderServiceSettings, plant: PlantModel, store: Store, clock: Clock) -> Engine:
     """Build the engine over ``store``."""
-    router = Router(plant, evaluators(settings.routing.costs, plant))
-    without_host_locks = Router(plant, evaluators(settings.routing.costs, plant))
+    router = Router(plant, cost_evaluators(settings.routing.costs, plant))
+    without_host_locks = Router(plant, cost_evaluators(settings.routing.costs, plant))
     operations = OperationMap(settings.engine.action_types)
     finder = RouteFinder(
         plant, router, without_host_locks=without_host_locks, action_type=operations.action_type

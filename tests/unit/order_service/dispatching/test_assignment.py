@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.dispatching.dispatcher import assign
+from nena_order_service.dispatching.dispatcher import assign_vehicles
 
 COSTS = st.dictionaries(st.sampled_from(["a", "b", "c", "d"]), st.integers(0, 9), max_size=4)
 LEVELS = st.lists(st.lists(COSTS, max_size=3), max_size=3)
@@ -51,7 +51,7 @@ def test_each_level_is_served_as_far_as_possible_at_minimum_cost(
     told: list[list[dict[str, int]]],
 ) -> None:
     levels = numbered(told)
-    found = assign(levels)
+    found = assign_vehicles(levels)
     every = {number: costs for level in levels for number, costs in level.items()}
     assert len(set(found.values())) == len(found)
     assert all(vehicle in every[number] for number, vehicle in found.items())
@@ -66,7 +66,7 @@ def test_orders_of_one_level_never_cost_more_than_when_each_chooses_in_turn(
     told: list[dict[str, int]],
 ) -> None:
     levels = numbered([told])
-    found, chosen = assign(levels), greedy(levels)
+    found, chosen = assign_vehicles(levels), greedy(levels)
     assert len(found) >= len(chosen)
     if len(found) == len(chosen):
         cost = {
@@ -81,7 +81,7 @@ def test_no_order_waits_for_a_vehicle_that_one_of_a_later_level_has(
     told: list[list[dict[str, int]]],
 ) -> None:
     levels = numbered(told)
-    found = assign(levels)
+    found = assign_vehicles(levels)
     for place, level in enumerate(levels):
         later = {number for behind in levels[place + 1 :] for number in behind}
         for number in level.keys() - found.keys():
@@ -101,4 +101,4 @@ def test_no_order_waits_for_a_vehicle_that_one_of_a_later_level_has(
     ids=["nothing", "no way", "least in all", "the first one keeps the nearer", "the nearer", "the urgent"],
 )
 def test_assignment(levels: list[Level], expected: dict[int, str]) -> None:
-    assert assign(levels) == expected
+    assert assign_vehicles(levels) == expected

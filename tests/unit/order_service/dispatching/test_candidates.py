@@ -37,4 +37,4 @@ def test_orders_wait_by_urgency_until_they_are_assigned(
         else:
             left.append(order)
     assert [*waiting] == [order.number for order in sorted(left, key=lambda order: order.urgency)]
-    assert all(waiting.kind(order) == kind_of(order) for order in left)
+    assert all(waiting.kind_of(order) == kind_of(order) for order in left)

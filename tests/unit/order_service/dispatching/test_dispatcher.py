@@ -13,8 +13,8 @@ from nena_order_service.dispatching.candidates import (
     Carried,
     DispatchedVehicle,
     Energy,
-    acceptable,
-    carried,
+    order_types_named,
+    reported_loads,
     type_priority,
     why_not_accepted,
 )
@@ -28,7 +28,7 @@ from nena_order_service.dispatching.dispatcher import (
     Decisions,
     Dispatcher,
     Now,
-    explain,
+    explain_fits,
     rank_candidates,
     rank_orders,
     rank_vehicles,
@@ -407,7 +407,7 @@ TOLD = Told({"far": 9, "near": 2, "low": 1})
 
 
 def test_each_vehicle_has_a_reason_and_suitable_ones_come_first() -> None:
-    found = explain(dispatchable_order(), FLEET, TOLD)
+    found = explain_fits(dispatchable_order(), FLEET, TOLD)
     assert [(each.vehicle, each.fits) for each in found[:2]] == [("near", True), ("far", True)]
     assert [each.cost for each in found] == [2, 9, None, None, None]
     assert {each.vehicle: str(each.reason) for each in found} == {
@@ -421,23 +421,26 @@ def test_each_vehicle_has_a_reason_and_suitable_ones_come_first() -> None:
 
 def test_an_unintended_vehicle_names_the_intended_one() -> None:
     order = dispatchable_order(intended_vehicle="near")
-    said = {each.vehicle: str(each.reason) for each in explain(order, FLEET, TOLD)}
+    said = {each.vehicle: str(each.reason) for each in explain_fits(order, FLEET, TOLD)}
     assert said["near"] == str(COULD)
     assert said["far"] == "is not 'near', the intended vehicle"
     kept = {
-        each.vehicle: str(each.reason) for each in explain(dispatchable_order(), FLEET, TOLD, kept={1: "far"})
+        each.vehicle: str(each.reason)
+        for each in explain_fits(dispatchable_order(), FLEET, TOLD, kept={1: "far"})
     }
     assert kept["near"] == "is not 'far', which is reserved for it"
 
 
 def test_the_executing_vehicle_is_reported() -> None:
-    found = explain(assigned_order(vehicle="V-1"), vehicles(**{"V-1": BUSY}), TOLD)
+    found = explain_fits(assigned_order(vehicle="V-1"), vehicles(**{"V-1": BUSY}), TOLD)
     assert [(each.fits, str(each.reason)) for each in found] == [(True, "does it")]
 
 
 def test_a_load_in_the_way_is_explained() -> None:
     loaded = [DispatchedVehicle("near", carried=Carried(("",)))]
-    (pick,), (drop,) = (explain(dispatchable_order(stop), loaded, TOLD) for stop in ("A:Load", "A:Unload"))
+    (pick,), (drop,) = (
+        explain_fits(dispatchable_order(stop), loaded, TOLD) for stop in ("A:Load", "A:Unload")
+    )
     assert (pick.fits, str(pick.reason)) == (False, "carries a load and has no room for another one")
     assert (drop.fits, drop.reason) == (True, COULD)
 
@@ -455,7 +458,7 @@ def at(*places: str | None) -> tuple[dict[str, Any], ...]:
 
 
 def why(places: tuple[str | None, ...], sheet: Factsheet | None, pick: Pick) -> Reason | None:
-    found = carried(state(loads=at(*places)), sheet)
+    found = reported_loads(state(loads=at(*places)), sheet)
     assert found
     return found.why_no_room(pick)
 
@@ -463,7 +466,7 @@ def why(places: tuple[str | None, ...], sheet: Factsheet | None, pick: Pick) -> 
 @pytest.mark.clause("7.8/loads")
 @pytest.mark.parametrize("loads", [None, ()], ids=["cannot tell", "empty"])
 def test_vehicles_without_or_with_unknown_loads_have_room(loads: tuple[()] | None) -> None:
-    assert carried(state(loads=loads), None) is None
+    assert reported_loads(state(loads=loads), None) is None
 
 
 @pytest.mark.parametrize("sheet", [None, specified(), specified(load_positions=())])
@@ -499,12 +502,12 @@ def test_load_positions_accept_only_certain_load_types() -> None:
 
 def test_loads_can_be_compared() -> None:
     sheet = specified(load_positions=("front",))
-    assert carried(state(loads=at("front")), sheet) == Carried(("front",), frozenset({"front"}), {})
+    assert reported_loads(state(loads=at("front")), sheet) == Carried(("front",), frozenset({"front"}), {})
 
 
 def test_a_vehicle_without_order_types_accepts_any_type() -> None:
-    assert acceptable(None) == ANY_ORDER_TYPE
-    assert why_not_accepted(acceptable(None), "-") is None
+    assert order_types_named(None) == ANY_ORDER_TYPE
+    assert why_not_accepted(order_types_named(None), "-") is None
 
 
 @pytest.mark.parametrize(
@@ -521,12 +524,13 @@ def test_a_vehicle_without_order_types_accepts_any_type() -> None:
 def test_the_exact_type_takes_precedence_over_any(
     names: tuple[str, ...], order_type: str, priority: int | None
 ) -> None:
-    assert type_priority(acceptable(names), order_type) == priority
+    assert type_priority(order_types_named(names), order_type) == priority
 
 
 def test_the_reason_names_what_is_accepted() -> None:
     assert (
-        str(why_not_accepted(acceptable(("B", "A")), "-")) == "accepts no orders of type '-', only 'B', 'A'"
+        str(why_not_accepted(order_types_named(("B", "A")), "-"))
+        == "accepts no orders of type '-', only 'B', 'A'"
     )
     assert str(why_not_accepted((), "-")) == "accepts no orders of any type"
 
@@ -594,7 +598,7 @@ def test_recharging_continues_until_full_or_sufficient() -> None:
 def test_only_vehicles_above_critical_energy_leave_recharging() -> None:
     even = Energy(30, charging=True, thresholds=EnergyThresholds())
     assert even.restriction(fully=False)
-    assert not even.recharged(fully=False)
+    assert not even.has_recharged(fully=False)
 
 
 thresholds = st.tuples(*[st.integers(0, 100)] * 4).map(

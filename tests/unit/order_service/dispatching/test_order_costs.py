@@ -35,21 +35,21 @@ def knowledge(*assigned: TransportOrder) -> tuple[OrderKnowledge, OrderFit, Vehi
 def test_costs_cover_only_remaining_destinations() -> None:
     known, *_ = knowledge()
     order = dispatchable_order("B", "C")
-    assert [*known.costs(order, [V1, V2])] == [(4000, 1000), (inf, inf)]
+    assert [*known.route_costs(order, [V1, V2])] == [(4000, 1000), (inf, inf)]
     begun: TransportOrder = assigned_order("B", "C", number=2).drive_order_finished(0, NOW)
-    assert [*known.costs(begun, [V1, V2])] == [(4000, 4000), (0, 0)]
+    assert [*known.route_costs(begun, [V1, V2])] == [(4000, 4000), (0, 0)]
 
 
 def test_outstanding_visits_to_destinations_are_counted() -> None:
     fetched = assigned_order("B", "C", number=2).drive_order_finished(0, NOW)
     known, *_ = knowledge(fetched, assigned_order("B", "C", number=3))
-    assert known.visits() == {"B": 1, "C": 2}
+    assert known.outstanding_visits() == {"B": 1, "C": 2}
 
 
 def test_resources_to_avoid_and_a_missing_route_are_reported() -> None:
     known, *_ = knowledge()
     order = dispatchable_order("C", properties=[{"key": "tcs:resourcesToAvoid", "value": "B"}])
-    assert [*known.costs(order, [V1])] == [(inf, inf)]
+    assert [*known.route_costs(order, [V1])] == [(inf, inf)]
     assert "without 'B'" in str(known.why_no_route(order, V1))
     known.forget_routes()
     assert "No route from 'C'" in str(known.why_no_route(dispatchable_order("A"), V2))
@@ -69,18 +69,18 @@ def test_automatic_orders_require_no_type() -> None:
     assert known.why_unsuitable(own, seen) is None
     of_a_host = dispatchable_order(type="Park", name="Park-1", intended_vehicle="V1")
     assert "accepts no orders of type 'Park'" in str(known.why_unsuitable(of_a_host, seen))
-    assert known.recharges(dispatchable_order("A:Charge"))
-    assert not known.recharges(dispatchable_order("A"))
+    assert known.recharges_next(dispatchable_order("A:Charge"))
+    assert not known.recharges_next(dispatchable_order("A"))
 
 
 def test_the_first_pick_of_an_order_precedes_any_drop() -> None:
     known, *_ = knowledge()
-    assert known.pick(dispatchable_order("A", "B:Load", "C:Unload")) == Pick()
-    assert known.pick(dispatchable_order("A", "C:Unload", "B:Load")) is None
-    assert known.pick(dispatchable_order("A")) is None
-    assert known.pick(assigned_order("A:Load", "B:Unload").drive_order_finished(0, NOW)) is None
+    assert known.first_pick(dispatchable_order("A", "B:Load", "C:Unload")) == Pick()
+    assert known.first_pick(dispatchable_order("A", "C:Unload", "B:Load")) is None
+    assert known.first_pick(dispatchable_order("A")) is None
+    assert known.first_pick(assigned_order("A:Load", "B:Unload").drive_order_finished(0, NOW)) is None
     for device in ("lhd", "loadHandlingDevice"):
         told = [{"key": "loadType", "value": "pallet"}, {"key": device, "value": "fork"}]
         asked = {"locationName": "A", "operation": "Load", "properties": told}
         order = dispatchable_order(destinations=[asked])
-        assert known.pick(order) == Pick("pallet", "fork")
+        assert known.first_pick(order) == Pick("pallet", "fork")

@@ -237,7 +237,7 @@ async def test_others_make_room_for_parking_a_limited_number_of_times() -> None:
         return True
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(engine.traffic, "displaces", displaces)
+        patch.setattr(engine.traffic, "would_displace", displaces)
         later(engine, 1)
         assert asked == [], "what was found out holds for a while"
         assert str(BARRED) in reason_of(engine)

@@ -302,8 +302,8 @@ def test_a_point_that_forbids_the_action_is_not_a_destination() -> None:
     other = vehicle(nena_vehicleType="M.u")
     assert finder.find("A", drop, vehicle=vehicle()).legs[-1].points[-1] == "C"
     assert finder.find("A", drop, vehicle=other).legs[-1].points[-1] == "B"
-    assert RouteCosts(model, finder).cost("A", drop, vehicle=vehicle()).complete == 6000
-    assert RouteCosts(model, finder).cost("A", drop, vehicle=other).complete == 3000
+    assert RouteCosts(model, finder).cost_of_route("A", drop, vehicle=vehicle()).complete == 6000
+    assert RouteCosts(model, finder).cost_of_route("A", drop, vehicle=other).complete == 3000
     with pytest.raises(NoRouteError):
         finder.find("A", drop, vehicle=vehicle(), avoid=["C"])
     park = [Destination(location_name="B", operation="PARK")]

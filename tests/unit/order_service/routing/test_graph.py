@@ -19,7 +19,7 @@ from nena_order_service.routing.graph import (
     RoutingProfile,
     Step,
     VehicleKinds,
-    evaluators,
+    cost_evaluators,
 )
 from nena_order_service.routing.router import Router
 from nena_plant_formats import lif
@@ -80,7 +80,7 @@ def test_driving_backward_needs_a_reverse_speed(reverse: int, *, short: bool) ->
 
 def test_travel_times_depend_on_the_vehicle_type() -> None:
     model = detour(use("t", maxSpeed=0.5), use("u", maxSpeed=0.25), types=("t", "u"))
-    router = Router(model, evaluators([CostKey.TRAVELTIME], model))
+    router = Router(model, cost_evaluators([CostKey.TRAVELTIME], model))
     assert router.route("A", "B", vehicle=vehicle("t")).cost == 2
     assert router.route("A", "B", vehicle=vehicle("u")).cost == 4
     assert router.route("A", "B", vehicle=vehicle()).cost == 4
@@ -127,12 +127,12 @@ BACKWARD = DirectedEdge(PATH, Orientation.BACKWARD)
 
 
 def evaluator(key: CostKey) -> CostEvaluator:
-    (only,) = evaluators([key], plant(PATH))
+    (only,) = cost_evaluators([key], plant(PATH))
     return only
 
 
 def test_every_key_has_an_evaluator_of_its_own() -> None:
-    assert len(set(evaluators(CostKey, plant(PATH)))) == len(CostKey)
+    assert len(set(cost_evaluators(CostKey, plant(PATH)))) == len(CostKey)
 
 
 @pytest.mark.parametrize(
@@ -181,7 +181,7 @@ def test_a_vehicle_is_not_sent_where_it_is_too_large() -> None:
             )
         }
     )
-    router = Router(model, evaluators([CostKey.DISTANCE, CostKey.BOUNDING_BOX], model))
+    router = Router(model, cost_evaluators([CostKey.DISTANCE, CostKey.BOUNDING_BOX], model))
     assert router.route("A", "D").points == ("A", "B", "D")
     assert router.route("A", "D", vehicle=WIDE).points == ("A", "C", "D")
     assert router.route("B", "D", vehicle=WIDE).points == ("B", "D")
@@ -193,7 +193,7 @@ def test_a_vehicle_is_not_sent_where_it_is_too_large() -> None:
 def test_evaluators_are_added_up() -> None:
     model = plant(path("A B", 10), path("B D", 10), path("A D", 21))
     chosen = [CostKey.DISTANCE, CostKey.HOPS, CostKey.HOPS]
-    assert Router(model, evaluators(chosen, model)).route("A", "D").cost == 23
+    assert Router(model, cost_evaluators(chosen, model)).route("A", "D").cost == 23
     assert Router(model).route("A", "D").cost == 20
 
 
@@ -201,16 +201,16 @@ def test_vehicles_with_equal_routing_profiles_are_of_one_kind() -> None:
     kinds = VehicleKinds(frozenset())
     one, twin = Vehicle(name="V1"), Vehicle(name="V2")
     slow = Vehicle(name="V3", max_velocity_mm_s=1)
-    assert kinds.of(one) is kinds.of(twin)
-    assert kinds.of(slow).number != kinds.of(one).number
-    assert kinds.of(slow).profile == RoutingProfile.of(slow)
-    assert kinds.of(None).profile == RoutingProfile()
+    assert kinds.kind_of(one) is kinds.kind_of(twin)
+    assert kinds.kind_of(slow).number != kinds.kind_of(one).number
+    assert kinds.kind_of(slow).profile == RoutingProfile.of(slow)
+    assert kinds.kind_of(None).profile == RoutingProfile()
 
 
 def test_a_changed_vehicle_is_checked_again() -> None:
     kinds = VehicleKinds(frozenset())
-    before = kinds.of(Vehicle(name="V1"))
-    assert kinds.of(Vehicle(name="V1", max_velocity_mm_s=1)) is not before
+    before = kinds.kind_of(Vehicle(name="V1"))
+    assert kinds.kind_of(Vehicle(name="V1", max_velocity_mm_s=1)) is not before
 
 
 LENGTHS = st.lists(st.integers(1, 10_000), max_size=6)

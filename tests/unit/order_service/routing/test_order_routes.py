@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_order_service.routing import graph
-from nena_order_service.routing.graph import CostKey, NoRouteError, evaluators
+from nena_order_service.routing.graph import CostKey, NoRouteError, cost_evaluators
 from nena_order_service.routing.router import NO_ROUTE, RouteCosts, RouteFinder, Router, VehicleRoutes
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.fleet_api.transport_order import Coordinate, Destination
@@ -127,7 +127,7 @@ def test_costs_equal_those_of_the_found_routes(
 ) -> None:
     finder, costs = made(tuple(path(f"{a} {b}", cost) for (a, b), cost in edges.items()), tuple(links))
     for start in NAMES:
-        found = costs.cost(start, stops(*goals), vehicle=None, avoid=avoid)
+        found = costs.cost_of_route(start, stops(*goals), vehicle=None, avoid=avoid)
         try:
             way = finder.find(start, stops(*goals), avoid=avoid)
         except NoRouteError:
@@ -140,11 +140,11 @@ def test_costs_equal_those_of_the_found_routes(
 def test_routes_to_coordinates_respect_locks_at_once() -> None:
     finder, costs = made((path("A B", 1000), path("B C", 1000)))
     coordinate = [*stops("B"), Destination(coordinate=Coordinate(x=1.0, y=2.0))]
-    assert costs.cost("A", coordinate, vehicle=None) == (3000, 1000)
-    assert costs.cost("A", stops("C"), vehicle=None).complete == 2000
+    assert costs.cost_of_route("A", coordinate, vehicle=None) == (3000, 1000)
+    assert costs.cost_of_route("A", stops("C"), vehicle=None).complete == 2000
     finder.set_locks({"B --- C": True})
-    assert costs.cost("A", stops("C"), vehicle=None) == NO_ROUTE
-    assert costs.cost("C", coordinate, vehicle=None) == NO_ROUTE
+    assert costs.cost_of_route("A", stops("C"), vehicle=None) == NO_ROUTE
+    assert costs.cost_of_route("C", coordinate, vehicle=None) == NO_ROUTE
 
 
 PLANT = PlantModel(
@@ -160,7 +160,7 @@ PLANT = PlantModel(
 
 
 def make() -> tuple[RouteFinder, VehicleRoutes]:
-    finder = RouteFinder(PLANT, Router(PLANT, evaluators([CostKey.EXPLICIT_PROPERTIES], PLANT)))
+    finder = RouteFinder(PLANT, Router(PLANT, cost_evaluators([CostKey.EXPLICIT_PROPERTIES], PLANT)))
     return finder, VehicleRoutes(
         finder.router, VehicleRegistry(PLANT, default_map_id="", adopt_unknown=True).model
     )
@@ -172,7 +172,10 @@ def test_each_vehicle_uses_the_costs_of_its_routing_group() -> None:
     assert ways.route("light", "A", "B").points == ("A", "B")
     assert ways.route("heavy", "A", "B").points == ("A", "C", "B")
     assert ways.route("adopted", "A", "B").points == ("A", "B")
-    assert (ways.nearest("heavy", "A"), ways.nearest("light", "A")) == (("A", "C", "B"), ("A", "B", "C"))
+    assert (ways.nearest_points("heavy", "A"), ways.nearest_points("light", "A")) == (
+        ("A", "C", "B"),
+        ("A", "B", "C"),
+    )
     assert ways.route("light", "A", "B", avoid={"A --- B"}).points == ("A", "C", "B")
 
 
@@ -182,7 +185,7 @@ def test_routes_are_cached_until_the_plant_changes() -> None:
     finder.set_locks({"C --- B": True})
 
     assert ways.route("heavy", "A", "B") is before
-    ways.forget()
+    ways.forget_routes()
     with pytest.raises(NoRouteError):
         ways.route("heavy", "A", "B")
 
@@ -202,4 +205,4 @@ def test_prepared_routing_builds_no_graph_later(monkeypatch: pytest.MonkeyPatch)
     assert finder.why_unroutable(goal, ()) is None
     for vehicle in (None, slow):
         assert finder.find(one, goal, vehicle=vehicle).cost > 0
-        assert finder.router.costs_to(other, vehicle=vehicle).source(one) > 0
+        assert finder.router.costs_to(other, vehicle=vehicle).cost_from(one) > 0

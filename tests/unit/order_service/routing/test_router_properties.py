@@ -171,7 +171,7 @@ def test_costs_that_a_lock_does_not_change_are_kept() -> None:
     before = {name: router.costs_to(name) for name in "ABC"}
     router.set_locks({"A --- B": True})
     assert {name for name in "ABC" if router.costs_to(name) is before[name]} == {"A", "C"}
-    assert router.costs_to("B").source("A") == 20
+    assert router.costs_to("B").cost_from("A") == 20
 
 
 BURDEN = st.dictionaries(

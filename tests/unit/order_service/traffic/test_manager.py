@@ -288,8 +288,8 @@ def test_routes_are_compared_by_cost_not_length() -> None:
     assert manager.route_around("v", avoid={"X"}) is None, "its present route is the best one"
 
     router.set_locks({"C --- D": True, "X --- D": True})
-    routes.forget()
+    routes.forget_routes()
     assert manager.route_around("v") is None
     router.set_locks({"C --- D": True})
-    routes.forget()
+    routes.forget_routes()
     assert manager.route_around("v") == router.route("B", "D"), "the present one is closed"

@@ -93,7 +93,7 @@ class WaitingOrders:
             if kind is None or kind.intended_vehicle != order.status.intended_vehicle:
                 self._kinds[number] = kind_of(order)
 
-    def kind(self, order: TransportOrder) -> OrderKind:
+    def kind_of(self, order: TransportOrder) -> OrderKind:
         """Return the kind of an order, which need not wait."""
         return self._kinds.get(order.number) or kind_of(order)
 
@@ -116,7 +116,7 @@ class Energy:
         """Whether it should recharge when idle."""
         return self.level <= self.thresholds.good
 
-    def recharged(self, *, fully: bool) -> bool:
+    def has_recharged(self, *, fully: bool) -> bool:
         """Whether it has recharged enough to take an order, or ``fully``."""
         wanted = self.thresholds.fully_recharged if fully else self.thresholds.sufficiently_recharged
         return self.level >= wanted and not self.critical
@@ -128,7 +128,7 @@ class Energy:
         stays the same while the energy changes.
         """
         levels = self.thresholds
-        if self.charging and not self.recharged(fully=fully):
+        if self.charging and not self.has_recharged(fully=fully):
             until = levels.fully_recharged if fully else max(levels.sufficiently_recharged, levels.critical)
             return Reason(R.RECHARGES, level=until)
         if self.critical:
@@ -136,7 +136,7 @@ class Energy:
         return None
 
 
-def acceptable(names: Iterable[str] | None) -> tuple[AcceptableOrderType, ...]:
+def order_types_named(names: Iterable[str] | None) -> tuple[AcceptableOrderType, ...]:
     """Return types by name, in order of preference; None: any type is accepted."""
     if names is None:
         return ANY_ORDER_TYPE
@@ -194,7 +194,7 @@ class Carried:
         return Reason(R.LOADED_SEVERAL, *where, count=len(self.loads))
 
 
-def carried(state: State, factsheet: Factsheet | None) -> Carried | None:
+def reported_loads(state: State, factsheet: Factsheet | None) -> Carried | None:
     """Return the loads that a robot reports; None if it has none or cannot report them."""
     if not state.loads:
         return None

@@ -47,7 +47,7 @@ class Now:
     time: datetime
     at_risk: timedelta
 
-    def risks(self, order: TransportOrder) -> bool:
+    def is_at_risk(self, order: TransportOrder) -> bool:
         """Whether an order's deadline is at risk."""
         deadline = order.status.deadline
         return deadline is not None and deadline <= self.time + self.at_risk
@@ -62,7 +62,7 @@ ORDER_VALUES: Final[Mapping[OrderKey, Callable[[TransportOrder, Now], float | st
     {
         OrderKey.BY_PRIORITY: lambda order, _: -order.status.priority,
         OrderKey.BY_DEADLINE: lambda order, _: _deadline_of(order),
-        OrderKey.DEADLINE_AT_RISK_FIRST: lambda order, now: not now.risks(order),
+        OrderKey.DEADLINE_AT_RISK_FIRST: lambda order, now: not now.is_at_risk(order),
         OrderKey.BY_AGE: lambda order, _: order.number,
         OrderKey.BY_NAME: lambda order, _: order.name,
     }
@@ -83,7 +83,7 @@ CANDIDATE_VALUES: Final[Mapping[CandidateKey, Callable[[Candidate, Now], float |
         CandidateKey.BY_ORDER_TYPE_PRIORITY: lambda pair, _: pair.vehicle.type_priority(pair.order),
         CandidateKey.BY_PRIORITY: lambda pair, _: -pair.order.status.priority,
         CandidateKey.BY_DEADLINE: lambda pair, _: _deadline_of(pair.order),
-        CandidateKey.DEADLINE_AT_RISK_FIRST: lambda pair, now: not now.risks(pair.order),
+        CandidateKey.DEADLINE_AT_RISK_FIRST: lambda pair, now: not now.is_at_risk(pair.order),
         CandidateKey.BY_AGE: lambda pair, _: pair.order.number,
         CandidateKey.BY_ORDER_NAME: lambda pair, _: pair.order.name,
         CandidateKey.BY_ENERGY_LEVEL: lambda pair, _: -pair.vehicle.energy,
@@ -115,7 +115,7 @@ Costs = Mapping[str, int]
 """Cost of each vehicle that could execute the order, at least 0."""
 
 
-def assign(levels: Sequence[Mapping[int, Costs]]) -> dict[int, str]:
+def assign_vehicles(levels: Sequence[Mapping[int, Costs]]) -> dict[int, str]:
     """Return the cheapest vehicles by the numbers of their orders; each vehicle gets at most one order.
 
     Each level is served before the later ones: as many of its orders as possible, and never fewer for the
@@ -252,11 +252,11 @@ NOTHING_KEPT: Final[Mapping[int, str]] = MappingProxyType({})
 class Knowledge(Protocol):
     """Queries of the dispatcher about orders and vehicles."""
 
-    def kind(self, order: TransportOrder) -> OrderKind:
+    def kind_of(self, order: TransportOrder) -> OrderKind:
         """Return the kind of an order."""
         ...
 
-    def named(self, order: TransportOrder) -> Collection[str]:
+    def vehicles_named_by(self, order: TransportOrder) -> Collection[str]:
         """Return the vehicles that an order or its sequence names: for others, only their group counts."""
         ...
 
@@ -267,21 +267,21 @@ class Knowledge(Protocol):
         """
         ...
 
-    def recharges(self, order: TransportOrder) -> bool:
+    def recharges_next(self, order: TransportOrder) -> bool:
         """Return whether the next operation of an order is to recharge."""
         ...
 
-    def pick(self, order: TransportOrder) -> Pick | None:
+    def first_pick(self, order: TransportOrder) -> Pick | None:
         """Return what an order picks up first; None: nothing, or it drops something before."""
         ...
 
-    def costs(
+    def route_costs(
         self, order: TransportOrder, vehicles: Sequence[DispatchedVehicle]
     ) -> Sequence[tuple[float, float]]:
         """Return the costs of each vehicle's route, complete and to the first destination; infinity: none."""
         ...
 
-    def visits(self) -> Mapping[str | None, int]:
+    def outstanding_visits(self) -> Mapping[str | None, int]:
         """Return how often vehicles will still visit each location or point for their orders."""
         ...
 
@@ -403,7 +403,9 @@ class _Fleet:
         # While most vehicles are busy, what an order recharges or picks up matters to none of them.
         if why := knowledge.why_unsuitable(order, vehicle) or vehicle.obstacle:
             return why
-        return vehicle.why_not(order, recharges=knowledge.recharges(order), pick=knowledge.pick(order))
+        return vehicle.why_not(
+            order, recharges=knowledge.recharges_next(order), pick=knowledge.first_pick(order)
+        )
 
     def find_takers(self, order: TransportOrder) -> list[DispatchedVehicle]:
         """Return the free vehicles that take an order."""
@@ -411,8 +413,8 @@ class _Fleet:
         if intended is not None:
             vehicle = self.free.get(intended)
             return [vehicle] if vehicle and not self.why_not(order, vehicle) else []
-        named = self._knowledge.named(order)
-        kind = self._knowledge.kind(order)
+        named = self._knowledge.vehicles_named_by(order)
+        kind = self._knowledge.kind_of(order)
         groups = self._takers.get(kind)
         if groups is None:
             groups = self._takers[kind] = [
@@ -433,7 +435,7 @@ class _Fleet:
         if intended is not None:
             vehicle = self._vehicles.get(intended)
             return why_no_vehicle(intended, [self.why_not(order, vehicle)] if vehicle else [])
-        named = self._knowledge.named(order)
+        named = self._knowledge.vehicles_named_by(order)
         vehicles = [example for _, example in self._group_examples(named)]
         vehicles += [self._vehicles[name] for name in named if name in self._vehicles]
         return why_no_vehicle(None, [self.why_not(order, vehicle) for vehicle in vehicles])
@@ -503,7 +505,7 @@ class _Decision:
 
     @cached_property
     def _visits(self) -> Mapping[str | None, int]:
-        return self._knowledge.visits()
+        return self._knowledge.outstanding_visits()
 
     def let_vehicles_choose(self, orders: Sequence[TransportOrder]) -> None:
         """Assign to each free vehicle the order that suits it best."""
@@ -597,7 +599,7 @@ class _Decision:
         self, order: TransportOrder, vehicles: Sequence[DispatchedVehicle], at_most: int
     ) -> list[Candidate]:
         """Return the pairs of an order with vehicles that have a route for it, the best ones first."""
-        costs = self._knowledge.costs(order, vehicles)
+        costs = self._knowledge.route_costs(order, vehicles)
         limit = inf
         if self._key is CandidateKey.BY_COMPLETE_ROUTING_COSTS and len(vehicles) > at_most:
             # Further keys decide only between equal costs.
@@ -627,7 +629,7 @@ class _Decision:
         costs = [
             {offer.order.number: choices[offer.order.number].costs for offer in level} for level in levels
         ]
-        for number, name in assign(costs).items():
+        for number, name in assign_vehicles(costs).items():
             best, free = choices[number].pairs[name], choices[number].free
             if name in soon:
                 left_to_soon.append(best.order)
@@ -674,7 +676,7 @@ class _Decision:
         """Note why an order waits: no vehicle takes it, or those that do have no route."""
         key: int | OrderKind = order.number
         if order.number not in self._kept:
-            key = self._knowledge.kind(order)
+            key = self._knowledge.kind_of(order)
         why = self._reasons.get(key)
         if why is None and self.fleet.free and (takers := self.fleet.find_takers(order)):
             vehicle = max(takers, key=lambda taker: taker.name)
@@ -713,7 +715,7 @@ class VehicleFit:
     """Cost of its route, in the router's unit, if feasible."""
 
 
-def explain(
+def explain_fits(
     order: TransportOrder,
     vehicles: Iterable[DispatchedVehicle],
     knowledge: Knowledge,
@@ -737,13 +739,13 @@ def _explain_fit(
     ):
         if wanted not in (None, vehicle.name):
             return VehicleFit(vehicle.name, fits=False, reason=why)
-    recharges, pick = knowledge.recharges(order), knowledge.pick(order)
+    recharges, pick = knowledge.recharges_next(order), knowledge.first_pick(order)
     reason = knowledge.why_unsuitable(order, vehicle) or vehicle.why_not(
         order, recharges=recharges, pick=pick
     )
     if reason:
         return VehicleFit(vehicle.name, fits=False, reason=reason)
-    ((cost, _),) = knowledge.costs(order, [vehicle])
+    ((cost, _),) = knowledge.route_costs(order, [vehicle])
     if cost == inf:
         why = Reason(R.HAS_NO_ROUTE, knowledge.why_no_route(order, vehicle))
         return VehicleFit(vehicle.name, fits=False, reason=why)

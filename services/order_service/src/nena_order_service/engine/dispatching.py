@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from nena_order_service.dispatching.candidates import DispatchedVehicle, Energy, carried
-from nena_order_service.dispatching.dispatcher import BUSY, Assignment, Dispatcher, VehicleFit, explain
+from nena_order_service.dispatching.candidates import DispatchedVehicle, Energy, reported_loads
+from nena_order_service.dispatching.dispatcher import BUSY, Assignment, Dispatcher, VehicleFit, explain_fits
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.driving import Driving
 from nena_order_service.engine.order_knowledge import OrderFit, OrderKnowledge
@@ -112,7 +112,7 @@ class Dispatching:
     def explain(self, order: TransportOrder) -> list[VehicleFit]:
         """Return for each vehicle whether it could execute this order, or why not; best ones first."""
         vehicles = (self.to_candidate(vehicle) for vehicle in self._registry if not vehicle.obstacle)
-        return explain(order, vehicles, self.knowledge, kept=self._reserved)
+        return explain_fits(order, vehicles, self.knowledge, kept=self._reserved)
 
     def idle_reason(self, vehicle: FleetVehicle) -> Reason:
         """Return why a vehicle without an order has none."""
@@ -146,7 +146,7 @@ class Dispatching:
         energy, carried_loads = self.energy_of(vehicle, view), None
         # A host that plans all orders of a vehicle as a sequence knows itself what the vehicle carries.
         if not soon and view.state and self._loads_respected and not bound:
-            carried_loads = carried(view.state, view.factsheet)
+            carried_loads = reported_loads(view.state, view.factsheet)
         return DispatchedVehicle(
             vehicle.name,
             BUSY if soon else None,
@@ -160,7 +160,7 @@ class Dispatching:
             soon=soon,
             sequence=bound,
             start=start,
-            routing_kind=self._planner.finder.router.kind(vehicle.model),
+            routing_kind=self._planner.finder.router.kind_of(vehicle.model),
         )
 
     def _obstacle_and_start(

@@ -384,7 +384,7 @@ class Engine:
 
     def plant_changed(self) -> None:
         """Replan all routes, including the horizons of driving vehicles, then check all orders."""
-        self.context.routes.forget()
+        self.context.routes.forget_routes()
         self.traffic.forget_routes()
         self.dispatching.knowledge.forget_routes()
         with self.change():

@@ -169,7 +169,7 @@ class IdleVehicles:
     def _cost_function(self, vehicle: FleetVehicle, candidate: DispatchedVehicle) -> Callable[[str], float]:
         """Return a function that computes the cost for a vehicle to reach a point."""
         router, model = self._context.finder.router, vehicle.model
-        return lambda point: router.costs_to(point, vehicle=model).source(candidate.start)
+        return lambda point: router.costs_to(point, vehicle=model).cost_from(candidate.start)
 
     def _displaces_others(self, vehicle: FleetVehicle, point: str) -> bool:
         return vehicle.name in self._traffic and self._traffic.would_displace(vehicle.name, point)

@@ -11,7 +11,7 @@ from itertools import groupby
 from nena_order_service.dispatching.candidates import (
     DispatchedVehicle,
     OrderKind,
-    acceptable,
+    order_types_named,
     stops_of,
     why_not_accepted,
 )
@@ -43,7 +43,7 @@ class OrderFit:
         set_by_host = self.records.of(vehicle.key).acceptable_order_types
         if set_by_host is not None:
             return set_by_host
-        return acceptable(vehicle.model.acceptable_order_types if vehicle.model else None)
+        return order_types_named(vehicle.model.acceptable_order_types if vehicle.model else None)
 
     def set_order_types(self, vehicle: FleetVehicle, types: tuple[AcceptableOrderType, ...]) -> None:
         """Set the order types that a vehicle accepts; its current order is not affected."""
@@ -80,11 +80,11 @@ class OrderKnowledge:
         self._costs.clear()
         self._why_no_route.cache_clear()
 
-    def kind(self, order: TransportOrder) -> OrderKind:
+    def kind_of(self, order: TransportOrder) -> OrderKind:
         """Return the kind of an order."""
-        return self._state.orders.waiting.kind(order)
+        return self._state.orders.waiting.kind_of(order)
 
-    def named(self, order: TransportOrder) -> Collection[str]:
+    def vehicles_named_by(self, order: TransportOrder) -> Collection[str]:
         """Return the vehicles that an order excludes, or for which its sequence is."""
         excluded, meant = order.status.excluded_vehicles, self._fit.sequences.only_vehicle(order)
         return (*excluded, meant) if meant and meant not in excluded else excluded
@@ -98,15 +98,15 @@ class OrderKnowledge:
         reason = self._fit.sequences.why_unsuitable(order, vehicle.name)
         return reason or why_not_accepted(vehicle.order_types, order.status.type)
 
-    def recharges(self, order: TransportOrder) -> bool:
+    def recharges_next(self, order: TransportOrder) -> bool:
         """Return whether the next operation of an order is a recharge."""
         return self._planner.recharges(order)
 
-    def pick(self, order: TransportOrder) -> Pick | None:
+    def first_pick(self, order: TransportOrder) -> Pick | None:
         """Return what an order picks up first; None if it picks up nothing, or drops something before."""
         return self._planner.pick(order)
 
-    def costs(
+    def route_costs(
         self, order: TransportOrder, vehicles: Sequence[DispatchedVehicle]
     ) -> Sequence[tuple[float, float]]:
         """Return the costs of each vehicle's route, complete and to the first destination; infinity: none."""
@@ -125,17 +125,17 @@ class OrderKnowledge:
     ) -> Sequence[tuple[float, float]]:
         key = order.number, order.index, kind
         if cached := self._costs.get(key):
-            return cached.sources(starts)
+            return cached.costs_from_each(starts)
         stops, model, avoid = stops_of(order), self._registry.model(vehicle), order.resources_to_avoid
         # Costs backwards from the end, for all starts at once, exist only between points of the plant.
         if any(stop.coordinate for stop in stops):
-            return [self._routes.cost(start, stops, vehicle=model, avoid=avoid) for start in starts]
+            return [self._routes.cost_of_route(start, stops, vehicle=model, avoid=avoid) for start in starts]
         if len(self._costs) >= self._limit:
             self._costs.clear()
-        costs = self._costs[key] = self._routes.of(stops, vehicle=model, avoid=avoid)
-        return costs.sources(starts)
+        costs = self._costs[key] = self._routes.costs_of(stops, vehicle=model, avoid=avoid)
+        return costs.costs_from_each(starts)
 
-    def visits(self) -> Mapping[str | None, int]:
+    def outstanding_visits(self) -> Mapping[str | None, int]:
         """Return the number of outstanding visits to each location or point, for assigned orders."""
         assigned = map(self._state.orders.get, self._state.drives.assigned)
         return Counter(stop.location_name for order in assigned for stop in stops_of(order))

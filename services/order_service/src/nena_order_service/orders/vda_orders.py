@@ -159,7 +159,7 @@ class OrderPlanner:
             tuple(dict.fromkeys(operation.location for operation in needed)) if self._peripherals else ()
         )
         if destination.coordinate:
-            goal = self.finder.nearest(destination.coordinate)
+            goal = self.finder.nearest_point(destination.coordinate)
             return RouteRequest(vehicle.name, goal, devices, straight_mm=round(leg.cost))
         name = destination.location_name or ""
         location = (name,) if name in self.plant.locations_by_name else ()

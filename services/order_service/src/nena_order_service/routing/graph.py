@@ -22,7 +22,6 @@ from nena_shared.plant import (
     Orientation,
     Path,
     PlantModel,
-    Point,
     Vehicle,
     property_keys,
 )
@@ -98,19 +97,17 @@ class NoRouteError(Exception):
         self.destinations = tuple(destinations)
         self.vehicle = None if vehicle is None else vehicle.name
         self.avoid = tuple(sorted(avoid))
-        self.reason = self._reason_text()
-        super().__init__(self.reason)
-
-    def _reason_text(self) -> Reason:
         details = []
         if self.vehicle:
             details.append(Reason(R.FOR_VEHICLE, vehicle=self.vehicle))
         if self.avoid:
             details.append(Reason(R.WITHOUT_NAMES, names=", ".join(map(repr, self.avoid))))
-        if not self.destinations:
-            return Reason(R.NO_ROUTE_ANYWHERE, *details, source=self.source)
-        goal = " or ".join(map(repr, self.destinations))
-        return Reason(R.NO_ROUTE, *details, source=self.source, goal=goal)
+        if self.destinations:
+            goal = " or ".join(map(repr, self.destinations))
+            self.reason = Reason(R.NO_ROUTE, *details, source=source, goal=goal)
+        else:
+            self.reason = Reason(R.NO_ROUTE_ANYWHERE, *details, source=source)
+        super().__init__(self.reason)
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,6 +160,7 @@ class RoutingProfile:
 
     def _limits_mm_s(self, edge: DirectedEdge) -> Iterator[int]:
         """Yield the speed limits of the vehicle's types along an edge, and its own maximum, mm/s."""
+        # By its vehicleOrientation in LIF, a type may drive a forward edge backwards.
         backward = not edge.is_forward
         for use in self.uses_of(edge.path):
             backward = backward or use.is_backward
@@ -191,25 +189,17 @@ class Access:
 
     def allows(self, edge: DirectedEdge) -> bool:
         """Return whether such a vehicle may drive along the edge."""
-        return (
-            not self._locks.get(edge.path.name, edge.path.locked)
-            and self._profile.speed_mm_s(edge) > 0
-            and self._path_is_open(edge.path)
-            and self._point_is_open(self._points[edge.destination])
-        )
-
-    def _path_is_open(self, path: Path) -> bool:
-        types = self._profile.vehicle_types
-        return all(map(path.is_open_to, types)) and all(map(self._fits_box, self._profile.uses_of(path)))
-
-    def _fits_box(self, use: VehicleTypeOnPath) -> bool:
-        box = self._profile.bounding_box
-        return use.max_height is None or box is None or box.height_mm <= use.max_height * MM_PER_M
-
-    def _point_is_open(self, point: Point) -> bool:
-        maps = self._profile.allowed_maps
-        on_map = maps is None or point.map_id is None or point.map_id in maps
-        return on_map and all(map(point.is_open_to, self._profile.vehicle_types))
+        path, point, profile = edge.path, self._points[edge.destination], self._profile
+        if self._locks.get(path.name, path.locked) or profile.speed_mm_s(edge) <= 0:
+            return False
+        # A vehicle whose type is not known may be of any: it drives only where all of them may.
+        if not all(path.is_open_to(name) and point.is_open_to(name) for name in profile.vehicle_types):
+            return False
+        box, heights = profile.bounding_box, [use.max_height for use in profile.uses_of(path)]
+        if box and any(height is not None and box.height_mm > height * MM_PER_M for height in heights):
+            return False
+        maps = profile.allowed_maps
+        return maps is None or point.map_id is None or point.map_id in maps
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,7 +220,7 @@ class VehicleKinds:
         self._kinds = {self._any_vehicle.profile: self._any_vehicle}
         self._of: dict[str, tuple[Vehicle, VehicleKind]] = {}
 
-    def of(self, vehicle: Vehicle | None) -> VehicleKind:
+    def kind_of(self, vehicle: Vehicle | None) -> VehicleKind:
         """Return the kind of a vehicle; None: any vehicle."""
         if vehicle is None:
             return self._any_vehicle
@@ -253,24 +243,24 @@ class CostMap:
     indices: Mapping[str, int]
     costs: array[float]
 
-    def source(self, point: str) -> float:
+    def cost_from(self, point: str) -> float:
         """Return the cost from a point; infinity if there is no route."""
         return self.costs[self.indices[point]]
 
-    def sources(self, points: Iterable[str]) -> list[float]:
+    def costs_from_each(self, points: Iterable[str]) -> list[float]:
         """Return the cost from each of many points."""
         costs, indices = self.costs, self.indices
         return [costs[indices[point]] for point in points]
 
 
-def burdened(burden: Mapping[str, float]) -> Callable[[Step], float]:
+def burdened_cost(burden: Mapping[str, float]) -> Callable[[Step], float]:
     """Return a cost function that adds the given shares for edges and points to each step."""
     share = burden.get
     return lambda step: step.cost * (1.0 + share(step.edge.id, 0.0) + share(step.edge.destination, 0.0))
 
 
 class RoutingGraph:
-    """The drivable edges of a plant for one routing profile; only :meth:`lock` changes it.
+    """The drivable edges of a plant for one routing profile; only :meth:`apply_locks` changes it.
 
     It contains the edges that are open to the profile (see :class:`Access`) and have a finite cost.
 
@@ -294,7 +284,7 @@ class RoutingGraph:
         self._graph.add_nodes_from(list(self._indices))
         self._add_edges(plant.edges(), locks)
 
-    def lock(self, paths: Iterable[Path], locks: Mapping[str, bool]) -> None:
+    def apply_locks(self, paths: Iterable[Path], locks: Mapping[str, bool]) -> None:
         """Remove or add the edges of the paths whose locks have changed."""
         for path in paths:
             for index in {*self._path_indices(path)}:
@@ -303,13 +293,17 @@ class RoutingGraph:
         self._backward = None
 
     def _add_edges(self, edges: Iterable[DirectedEdge], locks: Mapping[str, bool] | None) -> None:
-        allowed = filter(Access(self._plant, self._profile, locks).allows, edges)
-        self._graph.add_edges_from(
-            [
-                (self._indices[step.source], self._indices[step.destination], step)
-                for step in _steps_of(allowed, self._costs, self._profile)
-            ]
-        )
+        edge_steps = []
+        for edge in filter(Access(self._plant, self._profile, locks).allows, edges):
+            cost = sum((evaluate(edge, self._profile) for evaluate in self._costs), start=0.0)
+            # Dijkstra's algorithm is only right without negative costs.
+            if cost < 0:
+                msg = f"edge {edge.id!r} has cost {cost}; costs must not be below 0"
+                raise ValueError(msg)
+            if isfinite(cost):
+                step = Step(edge, cost)
+                edge_steps.append((self._indices[step.source], self._indices[step.destination], step))
+        self._graph.add_edges_from(edge_steps)
 
     def without(self, points: Iterable[str], paths: Iterable[Path]) -> RoutingGraph:
         """Return a copy in which no edge leads to these points or along these paths.
@@ -325,7 +319,7 @@ class RoutingGraph:
             pruned._graph.remove_edge_from_index(index)  # noqa: SLF001 - an object of this class
         return pruned
 
-    def shortest(self, source: str, destination: str) -> tuple[Step, ...] | None:
+    def shortest_steps(self, source: str, destination: str) -> tuple[Step, ...] | None:
         """Return the cheapest steps between two points, or None if there is no route."""
         start, goal = self._indices[source], self._indices[destination]
         if start == goal:
@@ -333,7 +327,7 @@ class RoutingGraph:
         ways = rx.digraph_dijkstra_shortest_paths(self._graph, start, target=goal, weight_fn=_COST)
         return self._steps_along(ways[goal], _COST) if goal in ways else None
 
-    def shortest_now(
+    def shortest_steps_now(
         self, source: str, destination: str, burden: Mapping[str, float], usual: CostMap
     ) -> tuple[Step, ...] | None:
         """Return the cheapest steps while ``burden`` adds shares of their costs to edges and points.
@@ -345,17 +339,18 @@ class RoutingGraph:
         start, goal = self._indices[source], self._indices[destination]
         if start == goal:
             return ()
+        # Without a path, A* would visit every point that can be reached before it raises.
         if not rx.has_path(self._graph, start, goal):
             return None
-        cost = burdened(burden)
-        points = rx.digraph_astar_shortest_path(self._graph, start, destination.__eq__, cost, usual.source)
+        cost = burdened_cost(burden)
+        points = rx.digraph_astar_shortest_path(self._graph, start, destination.__eq__, cost, usual.cost_from)
         return self._steps_along(points, cost)
 
     def _steps_along(self, points: Sequence[int], cost: Callable[[Step], float]) -> tuple[Step, ...]:
         """Return the steps between these points, each on the cheapest path that joins two of them."""
         return tuple(min(self._graph.get_all_edge_data(a, b), key=cost) for a, b in pairwise(points))
 
-    def along(self, start: str, way: Iterable[tuple[str, Collection[str]]]) -> tuple[Step, ...] | None:
+    def steps_along(self, start: str, way: Iterable[tuple[str, Collection[str]]]) -> tuple[Step, ...] | None:
         """Return the steps to these points in turn, each on one of the paths named with its point.
 
         None if one of them is closed.
@@ -385,6 +380,7 @@ class RoutingGraph:
 
     def costs_to(self, destination: str) -> CostMap:
         """Return the costs to reach a point from each point."""
+        # One search against the edges gives the costs from all starts; the reversed graph is kept for it.
         if self._backward is None:
             self._backward = self._graph.copy()
             self._backward.reverse()
@@ -395,24 +391,22 @@ class RoutingGraph:
         costs[goal] = 0.0
         return CostMap(self._indices, costs)
 
-    def keeps(self, costs: CostMap, goal: str, changed: Iterable[Path]) -> bool:
+    def keeps_costs(self, costs: CostMap, goal: str, changed: Iterable[Path]) -> bool:
         """Return whether the costs to a goal are the same after these paths were locked or unlocked.
 
         They are if each point at which such a path starts has the same cost over one of its edges as before.
         An edge with cost 0 proves nothing, because it may be part of a cycle.
         """
         for source in {edge.source for path in changed for edge in path.edges()} - {goal}:
-            cost = costs.source(source)
+            cost = costs.cost_from(source)
             ways = [
-                (step.cost + costs.source(step.destination), step.cost) for step in self._steps_from(source)
+                (step.cost + costs.cost_from(step.destination), step.cost)
+                for _, _, step in self._graph.out_edges(self._indices[source])
             ]
             cheapest, last = min(ways, default=(inf, inf))
             if cheapest != cost or not last:
                 return False
         return True
-
-    def _steps_from(self, point: str) -> list[Step]:
-        return [step for _, _, step in self._graph.out_edges(self._indices[point])]
 
     def _path_indices(self, path: Path) -> list[int]:
         ends = (self._indices[path.source], self._indices[path.destination])
@@ -422,18 +416,6 @@ class RoutingGraph:
             for index in self._graph.edge_indices_from_endpoints(a, b)
             if self._graph.get_edge_data_by_index(index).path == path
         ]
-
-
-def _steps_of(
-    edges: Iterable[DirectedEdge], costs: Sequence[CostEvaluator], profile: RoutingProfile
-) -> Iterator[Step]:
-    for edge in edges:
-        cost = sum((evaluate(edge, profile) for evaluate in costs), start=0.0)
-        if cost < 0:
-            msg = f"edge {edge.id!r} has cost {cost}; costs must not be below 0"
-            raise ValueError(msg)
-        if isfinite(cost):
-            yield Step(edge, cost)
 
 
 class CostEvaluator(Protocol):
@@ -483,6 +465,7 @@ class ExplicitProperties:
     def __call__(self, edge: DirectedEdge, profile: RoutingProfile, /) -> float:
         """Return the cost from the property; ``Infinity`` excludes the edge."""
         forward = edge.orientation is Orientation.FORWARD
+        # openTCS adds the vehicle's routing group to the name of the property.
         key = property_keys.ROUTING_COST_FORWARD if forward else property_keys.ROUTING_COST_REVERSE
         try:
             cost = float(edge.path.properties[key + profile.group])
@@ -517,6 +500,6 @@ _EVALUATORS: Final[Mapping[CostKey, CostEvaluator]] = MappingProxyType(
 )
 
 
-def evaluators(keys: Iterable[CostKey], plant: PlantModel) -> tuple[CostEvaluator, ...]:
+def cost_evaluators(keys: Iterable[CostKey], plant: PlantModel) -> tuple[CostEvaluator, ...]:
     """Return the configured evaluators for one plant."""
     return tuple(BoundingBoxLimit(plant) if key is CostKey.BOUNDING_BOX else _EVALUATORS[key] for key in keys)

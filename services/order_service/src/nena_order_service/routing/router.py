@@ -63,10 +63,11 @@ class Router:
         names = {name for name in {*previous, *locks} if previous.get(name) is not locks.get(name)}
         changed = [path for path in self._plant.paths if path.name in names]
         for graph in self._graphs.values():
-            graph.lock(changed, self._locks)
+            graph.apply_locks(changed, self._locks)
         for key, costs in tuple(self._maps.items()):
             kind, avoid, goal = key
-            if avoid or not self._graphs[kind].keeps(costs, goal, changed):
+            # Costs with resources to avoid belong to a copy of the graph that is not kept.
+            if avoid or not self._graphs[kind].keeps_costs(costs, goal, changed):
                 del self._maps[key]
 
     def route(
@@ -90,10 +91,11 @@ class Router:
         self._check_points((source, destination))
         graph = self._graph_for(vehicle, avoid)
         if burden:
+            # Traffic only adds to costs, so those without it are an admissible heuristic for A*.
             usual = self.costs_to(destination, vehicle=vehicle)
-            steps = graph.shortest_now(source, destination, burden, usual)
+            steps = graph.shortest_steps_now(source, destination, burden, usual)
         else:
-            steps = graph.shortest(source, destination)
+            steps = graph.shortest_steps(source, destination)
         return _route_of_steps(steps, source, destination, vehicle, avoid)
 
     def route_through(
@@ -116,21 +118,26 @@ class Router:
         if any(len(choice) != 1 for choice in destinations):  # otherwise there is nothing to compare
             ways = {source: _Way(0.0, (source,))}
             for choice in destinations:
-                longer = _longer_routes(graph, ways, choice)
+                # All the cheapest ways so far are kept: the nearest access point may lie far from the next.
+                longer: dict[str, _Way] = {}
+                for start, way in ways.items():
+                    for point, cost in graph.costs_from(start, choice).items():
+                        candidate = _Way(way.cost + cost, (*way.points, point))
+                        longer[point] = min(candidate, longer.get(point, candidate))
                 if not longer:
                     raise NoRouteError(next(iter(ways)), choice, vehicle, avoid)
                 ways = longer
             points = min(ways.values()).points
         return tuple(
-            _route_of_steps(graph.shortest(start, end), start, end, vehicle, avoid)
+            _route_of_steps(graph.shortest_steps(start, end), start, end, vehicle, avoid)
             for start, end in pairwise(points)
         )
 
-    def along(
+    def steps_along(
         self, start: str, way: Iterable[tuple[str, Collection[str]]], *, vehicle: Vehicle | None = None
     ) -> tuple[Step, ...] | None:
-        """Return the steps to these points in turn; see :meth:`RoutingGraph.along`."""
-        return self._graph_for(vehicle).along(start, way)
+        """Return the steps to these points in turn; see :meth:`RoutingGraph.steps_along`."""
+        return self._graph_for(vehicle).steps_along(start, way)
 
     def costs_from(self, source: str, *, vehicle: Vehicle | None = None) -> dict[str, float]:
         """Return the cost of each reachable point. Raises UnknownObjectError."""
@@ -144,7 +151,7 @@ class Router:
 
         This compares many starts and few goals without a search for each. Raises UnknownObjectError.
         """
-        key = (self.kind(vehicle), frozenset(avoid), destination)
+        key = (self.kind_of(vehicle), frozenset(avoid), destination)
         costs = self._maps.get(key)
         if costs is None:
             self._check_points((destination,))
@@ -161,16 +168,16 @@ class Router:
             for point in self._plant.points[:1]:
                 self.costs_to(point.name, vehicle=vehicle)
 
-    def kind(self, vehicle: Vehicle | None) -> int:
+    def kind_of(self, vehicle: Vehicle | None) -> int:
         """Return a number for the kind of a vehicle; vehicles of one kind have the same routes."""
-        return self._kinds.of(vehicle).number
+        return self._kinds.kind_of(vehicle).number
 
-    def types(self, vehicle: Vehicle | None) -> frozenset[str]:
+    def types_of(self, vehicle: Vehicle | None) -> frozenset[str]:
         """Return the possible types of a vehicle, as far as they affect its routes."""
-        return self._kinds.of(vehicle).profile.vehicle_types
+        return self._kinds.kind_of(vehicle).profile.vehicle_types
 
     def _graph_for(self, vehicle: Vehicle | None, avoid: Collection[str] = ()) -> RoutingGraph:
-        kind = self._kinds.of(vehicle)
+        kind = self._kinds.kind_of(vehicle)
         graph = self._graphs.get(kind.number)
         if graph is None:
             graph = RoutingGraph(self._plant, self._costs, kind.profile, self._locks)
@@ -210,16 +217,6 @@ def _route_of_steps(
     if steps is None:
         raise NoRouteError(source, (destination,), vehicle, avoid)
     return Route(source, destination, steps)
-
-
-def _longer_routes(graph: RoutingGraph, ways: Mapping[str, _Way], choice: Collection[str]) -> dict[str, _Way]:
-    """Return the cheapest route to each reachable point of the choice, given the cheapest routes so far."""
-    longer: dict[str, _Way] = {}
-    for start, way in ways.items():
-        for point, cost in graph.costs_from(start, choice).items():
-            candidate = _Way(way.cost + cost, (*way.points, point))
-            longer[point] = min(candidate, longer.get(point, candidate))
-    return longer
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,6 +288,7 @@ class RouteFinder:
 
         Such a lock closes routes for now, but makes no order permanently unroutable.
         """
+        # As in openTCS, a lock set by a host closes a path for now; an order is not dismissed for it.
         self._without_host_locks.set_locks({path: locked for path, locked in locks.items() if not locked})
         self._unroutable.clear()
         self._locks = {**locks, **dict.fromkeys(closed, True)}
@@ -298,7 +296,7 @@ class RouteFinder:
 
     def prepare(self, vehicles: Iterable[Vehicle | None]) -> None:
         """Build the routing graphs for these vehicles, and for unspecified ones, in advance."""
-        each_kind = {self.router.kind(vehicle): vehicle for vehicle in (None, *vehicles)}
+        each_kind = {self.router.kind_of(vehicle): vehicle for vehicle in (None, *vehicles)}
         self.router.prepare(each_kind.values())
         self._without_host_locks.prepare((None,))
 
@@ -348,7 +346,7 @@ class RouteFinder:
                 # No path leads to a coordinate: the robot drives there and on from it straight.
                 for coordinate in (stop.coordinate for stop in group if stop.coordinate):
                     legs.append(Leg(_distance_mm(self._plant.point(start), coordinate)))
-                    start = self.nearest(coordinate)
+                    start = self.nearest_point(coordinate)
             else:
                 choices = [self.access_points(stop, vehicle) for stop in group]
                 routes = router.route_through(start, choices, vehicle=vehicle, avoid=avoid)
@@ -362,7 +360,7 @@ class RouteFinder:
         Points where the layout forbids the action to one of the vehicle's possible types are left out.
         """
         points = access_points(destination, self._plant)
-        types = self.router.types(vehicle)
+        types = self.router.types_of(vehicle)
         if not types:
             return points
         action_type = self._action_type(destination.operation)
@@ -373,7 +371,7 @@ class RouteFinder:
             if name not in points_by_name or not points_by_name[name].forbids(action_type, types)
         )
 
-    def nearest(self, coordinate: Coordinate) -> str:
+    def nearest_point(self, coordinate: Coordinate) -> str:
         """Return the point at which a route continues after a coordinate."""
         return min(self._plant.points, key=lambda point: _distance_mm(point, coordinate)).name
 
@@ -396,7 +394,9 @@ class RouteFinder:
 
     def _why_unroutable(self, destinations: Sequence[Destination], avoid: Collection[str]) -> Reason | None:
         first = destinations[0]
-        starts = (self.nearest(first.coordinate),) if first.coordinate else access_points(first, self._plant)
+        starts = (
+            (self.nearest_point(first.coordinate),) if first.coordinate else access_points(first, self._plant)
+        )
         reason = Reason(R.NO_ACCESS_POINT)
         for start in starts:
             try:
@@ -438,18 +438,18 @@ class OrderCosts:
 
     entries: tuple[_Entry, ...]
 
-    def source(self, point: str) -> RouteCost:
+    def cost_from(self, point: str) -> RouteCost:
         """Return the cost for a vehicle that starts at ``point``."""
         best = NO_ROUTE
         for entry in self.entries:
-            initial = entry.to_it.source(point)
+            initial = entry.to_it.cost_from(point)
             best = min(best, RouteCost(initial + entry.rest, initial))
         return best
 
-    def sources(self, points: Sequence[str]) -> Sequence[tuple[float, float]]:
+    def costs_from_each(self, points: Sequence[str]) -> Sequence[tuple[float, float]]:
         """Return the costs, complete and initial, for vehicles that start at each of many points."""
         rows = [
-            [(initial + entry.rest, initial) for initial in entry.to_it.sources(points)]
+            [(initial + entry.rest, initial) for initial in entry.to_it.costs_from_each(points)]
             for entry in self.entries
         ]
         if len(rows) == 1:
@@ -464,7 +464,7 @@ class RouteCosts:
         self._plant = plant
         self._finder = finder
 
-    def cost(
+    def cost_of_route(
         self,
         start: str,
         destinations: Sequence[Destination],
@@ -474,10 +474,15 @@ class RouteCosts:
     ) -> RouteCost:
         """Return the cost of the route that :meth:`RouteFinder.find` would find."""
         if any(destination.coordinate for destination in destinations):
-            return self._search_cost(start, destinations, vehicle, avoid)
-        return self.of(destinations, vehicle=vehicle, avoid=avoid).source(start)
+            # No cost map leads to a coordinate: the route is searched, as it will be for the drive.
+            try:
+                plan = self._finder.find(start, destinations, vehicle=vehicle, avoid=avoid)
+            except NoRouteError:
+                return NO_ROUTE
+            return RouteCost(plan.cost, plan.legs[0].cost)
+        return self.costs_of(destinations, vehicle=vehicle, avoid=avoid).cost_from(start)
 
-    def of(
+    def costs_of(
         self,
         destinations: Sequence[Destination],
         *,
@@ -491,21 +496,12 @@ class RouteCosts:
             entries = tuple(
                 _Entry(
                     self._finder.router.costs_to(point, vehicle=vehicle, avoid=avoid),
-                    later.source(point).complete if later else 0.0,
+                    later.cost_from(point).complete if later else 0.0,
                 )
                 for point in self._finder.access_points(destination, vehicle)
             )
             later = OrderCosts(entries)
         return OrderCosts(entries)
-
-    def _search_cost(
-        self, start: str, destinations: Sequence[Destination], vehicle: Vehicle | None, avoid: Collection[str]
-    ) -> RouteCost:
-        try:
-            way = self._finder.find(start, destinations, vehicle=vehicle, avoid=avoid)
-        except NoRouteError:
-            return NO_ROUTE
-        return RouteCost(way.cost, way.legs[0].cost)
 
 
 ROUTES_KEPT = 2_000
@@ -549,17 +545,17 @@ class VehicleRoutes:
             raise route.with_traceback(None)
         return route
 
-    def along(
+    def steps_along(
         self, vehicle: str, start: str, way: Iterable[tuple[str, Collection[str]]]
     ) -> tuple[Step, ...] | None:
-        """Return the steps to these points in turn; see :meth:`RoutingGraph.along`."""
-        return self._router.along(start, way, vehicle=self._model_of(vehicle))
+        """Return the steps to these points in turn; see :meth:`RoutingGraph.steps_along`."""
+        return self._router.steps_along(start, way, vehicle=self._model_of(vehicle))
 
-    def nearest(self, vehicle: str, start: str) -> Sequence[str]:
+    def nearest_points(self, vehicle: str, start: str) -> Sequence[str]:
         """Return the points that can be reached from ``start``, the nearest first."""
         return self._nearest(self._model_name(vehicle), start)
 
-    def forget(self) -> None:
+    def forget_routes(self) -> None:
         """Drop all cached routes, because the plant has changed."""
         self._route.cache_clear()
         self._nearest.cache_clear()

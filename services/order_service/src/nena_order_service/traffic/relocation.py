@@ -95,7 +95,7 @@ class Relocator:
     ) -> Iterator[tuple[Route, list[ResourceSet]]]:
         """Yield routes to free points, the best first: parking positions, then near points."""
         occupant = self._scheduler.occupant(vehicle)
-        nearest = self._routes.nearest(vehicle, occupant.point)
+        nearest = self._routes.nearest_points(vehicle, occupant.point)
         parks = self._parks.__contains__
         places = chain(filter(parks, nearest), filterfalse(parks, nearest))
         kept = {resource for resource_set in kept_free for resource in resource_set.uses} | {occupant.point}

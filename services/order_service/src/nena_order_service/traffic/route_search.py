@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
-from nena_order_service.routing.graph import NoRouteError, Route, burdened
+from nena_order_service.routing.graph import NoRouteError, Route, burdened_cost
 from nena_order_service.routing.router import VehicleRoutes
 from nena_order_service.traffic.resources import ResourceSet, opposite_edges
 from nena_order_service.traffic.scheduler import Refusal, Scheduler
@@ -131,12 +131,12 @@ class RouteSearch:
             detour = self._routes.route(vehicle, start, ahead[-1].point, avoid=without, burden=burden)
         except (NoRouteError, UnknownObjectError):  # a new plant model may lack the point
             return None
-        present = self._routes.along(
+        present = self._routes.steps_along(
             vehicle, start, ((resource_set.point, resource_set.uses) for resource_set in ahead)
         )
         if present is None:
             return detour
-        cost = burdened(burden)
+        cost = burdened_cost(burden)
         return detour if sum(map(cost, detour.steps)) < WORTH_IT * sum(map(cost, present)) else None
 
     def forget_route(self, vehicle: str) -> None:
