@@ -169,7 +169,7 @@ async def test_path_is_not_locked_while_the_plant_is_changed(settings: OrderServ
         await runner.change_plant(without("South 3"))
         with pytest.raises(StoreNotReadyError, match=CHANGING):
             await before.hosts.locks.set(path, locked=True)
-        assert await store.path_locks() == {}
+        assert await store.read_path_locks() == {}
         assert (await runner.service.hosts.locks.set(path, locked=True)).locked
     store.close()
 

@@ -120,7 +120,7 @@ async def test_a_reconnecting_client_receives_each_missed_order_once(
 
 async def test_ids_survive_a_restart(service: OrderService) -> None:
     await create(service, "T-1", "T-2")
-    found = await service.store.unfinished()
+    found = await service.store.read_unfinished()
     service.store.numbers.continue_after(found.last_change)
     restarted = EventStream(service.engine, EventSettings())
     async with aclosing(restarted.follow("1", ORDERS)) as frames:
@@ -237,7 +237,7 @@ async def test_unreadable_store_is_reported_first(
     async def fail(*_: object) -> None:
         raise StoreNotReadyError("away")
 
-    monkeypatch.setattr(service.store, "changes_after", fail)
+    monkeypatch.setattr(service.store, "read_changes_after", fail)
     with pytest.raises(StoreNotReadyError):
         await anext(stream.follow("0", ORDERS))
     assert stream.clients == 0

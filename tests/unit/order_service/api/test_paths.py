@@ -27,7 +27,7 @@ async def test_paths_are_listed_and_locked(client: httpx.AsyncClient, service: O
     assert (answer.status_code, answer.json()["locked"]) == (200, True)
     assert answer.json()["lockedInPlantModel"] is False
     assert (await client.get(f"/v1/paths/{name}")).json() == answer.json()
-    assert await service.store.path_locks() == {name: True}
+    assert await service.store.read_path_locks() == {name: True}
     assert (await lock(client, name, locked=False)).json()["locked"] is False
 
 

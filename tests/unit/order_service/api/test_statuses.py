@@ -128,7 +128,9 @@ async def test_sweep_is_repeated_after_the_database_was_unavailable(monkeypatch:
     engine, publisher = Mock(), Mock(topics=topics, epoch=5)
     publisher.mqtt.state = LinkState(connected=True, term=1)
     engine.state.orders.visible_named.return_value = None
-    engine.store.order = AsyncMock(side_effect=[StoreNotReadyError("server closed the connection"), None])
+    engine.store.read_order = AsyncMock(
+        side_effect=[StoreNotReadyError("server closed the connection"), None]
+    )
     sweep = RetainedSweep(MqttSettings(), client_id="sweep", engine=engine, publisher=publisher)
     running = asyncio.create_task(sweep.run(), name="sweep")
 

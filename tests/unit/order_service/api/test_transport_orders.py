@@ -34,7 +34,7 @@ async def test_created_order_is_answered_with_its_location_and_stored(
     order = TransportOrderStatus.model_validate_json(answer.content)
     assert order.state == "DISPATCHABLE"
     assert "no connection to the MQTT broker" in order.reason
-    stored = await service.store.order(name="T-1")
+    stored = await service.store.read_order(name="T-1")
     assert stored is not None
     assert stored.status == order
     assert (await client.get(answer.headers["location"])).json() == answer.json()

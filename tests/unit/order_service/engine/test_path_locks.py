@@ -25,7 +25,7 @@ async def test_lock_takes_effect_only_after_the_commit(service: OrderService) ->
     name = service.engine.plant.paths[0].name
     locked = await service.hosts.locks.set(name, locked=True)
     assert locked.locked
-    assert await service.store.path_locks() == {name: True}
+    assert await service.store.read_path_locks() == {name: True}
 
 
 async def test_traffic_respects_locks_also_after_a_restart(service: OrderService) -> None:
@@ -47,4 +47,4 @@ async def test_pending_lock_is_answered_when_the_engine_closes(service: OrderSer
 
     locked, _ = await asyncio.gather(service.hosts.locks.set(name, locked=True), close())
     assert locked.locked
-    assert await service.store.path_locks() == {name: True}
+    assert await service.store.read_path_locks() == {name: True}

@@ -26,7 +26,7 @@ async def test_nothing_is_acknowledged_before_the_commit() -> None:
     store = SilentStore()
     unit_of_work = UnitOfWork(make_state(), store, lambda _: None, lambda _: None, timeout=0.01)
     unit_of_work.require_store()
-    with pytest.raises(StoreNotReadyError):
+    with pytest.raises(StoreNotReadyError, match="in time"):
         await unit_of_work.wait_committed()
     with pytest.raises(StoreNotReadyError):
         await unit_of_work.commit(Changes(), lambda: None)

@@ -247,7 +247,7 @@ async def test_store_continues_the_chain_after_a_restart(make_store: Callable[[]
         await written.wait()
         writing.cancel()
         await asyncio.gather(writing, return_exceptions=True)
-    page = await store.audit_page(OLDEST_FIRST)
+    page = await store.read_audit_page(OLDEST_FIRST)
     assert [each.sequence for each in page.entries] == [1, 2]
     assert problems(page) == []
 
@@ -330,9 +330,9 @@ async def test_slow_query_of_the_trail_holds_up_no_other_query(
 
     monkeypatch.setattr(audit, "read_page", slow)
     store = Store(engine)
-    page = asyncio.create_task(store.audit_page(AuditQuery()))
+    page = asyncio.create_task(store.read_audit_page(AuditQuery()))
     try:
-        assert await asyncio.wait_for(store.order(name="T-1"), 10) is None
+        assert await asyncio.wait_for(store.read_order(name="T-1"), 10) is None
         assert not page.done()
     finally:
         go_on.set()

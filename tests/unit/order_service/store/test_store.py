@@ -49,7 +49,7 @@ async def test_published_only_after_the_commit(make_store: Callable[[], Store]) 
         store.commit(change(dispatchable_order()), told.set)
         assert not told.is_set()
         await told.wait()
-        assert await other.order(name="T-1") == dispatchable_order()
+        assert await other.read_order(name="T-1") == dispatchable_order()
 
 
 async def test_pending_changes_are_committed_together_and_published_in_order(
@@ -81,7 +81,7 @@ async def test_changes_of_one_order_while_it_is_written_are_all_kept(make_store:
             last = order.deferred(Reason.of(f"reason {number}"), NOW)
             await turn_passes()
         assert await store.drain(PATIENCE)
-        assert await store.order(name="T-1") == order
+        assert await store.read_order(name="T-1") == order
 
 
 @pytest.mark.provokes_failures
@@ -111,7 +111,7 @@ async def test_locked_database_is_waited_for(sqlite_url: str, monkeypatch: pytes
         async with asyncio.timeout(PATIENCE):
             await told.wait()
         await until(lambda: store.ready)
-        assert await store.order(name="T-1") == dispatchable_order()
+        assert await store.read_order(name="T-1") == dispatchable_order()
     store.close()
 
 

@@ -159,7 +159,7 @@ class EventStream(EventRing[_Event]):
             return self._present_objects(interest)
         frames: list[bytes] = []
         count = 0
-        while page := await self._engine.store.changes_after(known, PAGE):
+        while page := await self._engine.store.read_changes_after(known, PAGE):
             count += len(page)
             if count > self._settings.replay_limit:
                 present, known = self._present_objects(interest)

@@ -211,7 +211,7 @@ class OrderOperations:
         name, sequences = request.wrapping_sequence, self._engine.state.sequences
         if name is None:
             return
-        sequence = sequences.named(name) or await self._engine.store.sequence(name=name)
+        sequence = sequences.named(name) or await self._engine.store.read_sequence(name=name)
         sequence = sequences.named(name) or sequence  # it may have changed while the store was read
         if sequence is None:
             raise errors.UnknownSequenceError(name)
@@ -222,9 +222,9 @@ class OrderOperations:
         """Return a page of orders, newest first."""
         store = self._engine.store
         before_number = int(request.after) if request.after else None
-        first_number = 0 if request.since is None else await store.order_number_at(request.since)
+        first_number = 0 if request.since is None else await store.read_order_number_at(request.since)
         if request.until is not None:
-            end = await store.order_number_at(request.until)
+            end = await store.read_order_number_at(request.until)
             before_number = end if before_number is None else min(before_number, end)
         wanted = OrderFilter(  # one more than the page: whether there is a next one
             tuple(request.state or ()),
@@ -249,7 +249,7 @@ class OrderOperations:
         before_number, left = wanted.before, wanted.limit
         while left > 0:
             limit = min(left, ORDERS_AT_ONCE)
-            orders = await self._engine.store.orders(replace(wanted, before=before_number, limit=limit))
+            orders = await self._engine.store.read_orders(replace(wanted, before=before_number, limit=limit))
             for order in orders:
                 yield order
             if len(orders) < limit:
@@ -258,7 +258,7 @@ class OrderOperations:
 
     async def find_status(self, name: str) -> TransportOrderStatus:
         """Return the status of an order; raises UnknownOrderError."""
-        order = self._orders.visible_named(name) or await self._engine.store.order(name=name)
+        order = self._orders.visible_named(name) or await self._engine.store.read_order(name=name)
         if order is None:
             raise errors.UnknownOrderError(name)
         return order.status
@@ -336,7 +336,7 @@ class OrderOperations:
 
     async def _unfinished_order(self, name: str, seen: ETag | None) -> TransportOrder:
         """Return an order that can be changed, if it is unchanged since the caller has ``seen`` it."""
-        order = self._orders.named(name) or await self._engine.store.order(name=name)
+        order = self._orders.named(name) or await self._engine.store.read_order(name=name)
         if order is None:
             raise errors.UnknownOrderError(name)
         if order.state.final:
@@ -350,7 +350,7 @@ class OrderOperations:
             return order
         if name is None and key is None:
             return None
-        stored = await self._engine.store.order(name=name, idempotency_key=key)
+        stored = await self._engine.store.read_order(name=name, idempotency_key=key)
         # Not in the store does not mean that it has not been created while the store was read.
         return stored or self._find_in_memory(name, key)
 

@@ -77,7 +77,7 @@ class SequenceOperations:
             before=int(request.after) if request.after else None,
             limit=request.limit + 1,
         )
-        sequences = await self._engine.store.sequences(wanted)
+        sequences = await self._engine.store.read_sequences(wanted)
         page = sequences[: request.limit]
         return OrderSequencePage(
             order_sequences=tuple(each.status for each in page),
@@ -86,7 +86,7 @@ class SequenceOperations:
 
     async def find_status(self, name: str) -> OrderSequenceStatus:
         """Return a sequence."""
-        sequence = self._sequences.visible(name) or await self._engine.store.sequence(name=name)
+        sequence = self._sequences.visible(name) or await self._engine.store.read_sequence(name=name)
         if sequence is None:
             raise errors.UnknownSequenceError(name)
         return sequence.status
@@ -97,7 +97,7 @@ class SequenceOperations:
             return sequence
         if name is None and key is None:
             return None
-        stored = await self._engine.store.sequence(name=name, idempotency_key=key)
+        stored = await self._engine.store.read_sequence(name=name, idempotency_key=key)
         # Not in the store does not mean that it has not been created while the store was read.
         return stored or self._sequences.keyed(key) or self._sequences.named(name)
 

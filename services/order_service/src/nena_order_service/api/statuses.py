@@ -336,7 +336,7 @@ class RetainedSweep:
         if sequence := self._engine.state.sequences.visible(name):
             self._publisher.sequence_changed(sequence.status)
             return
-        stored = await self._engine.store.sequence(name=name)
+        stored = await self._engine.store.read_sequence(name=name)
         if stored and stored.status.finished:
             log.info("publishing the end of an order sequence again", sequence=name)
             self._publisher.sequence_changed(stored.status)
@@ -349,7 +349,7 @@ class RetainedSweep:
         if order is not None and not order.state.final:
             self._publisher.order_changed(order.status)
             return
-        stored = await self._engine.store.order(name=name)
+        stored = await self._engine.store.read_order(name=name)
         if stored and stored.state.final:
             log.info("publishing the end of an order again", order=name, state=stored.state.value)
             self._publisher.order_changed(stored.status)

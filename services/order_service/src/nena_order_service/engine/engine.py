@@ -141,7 +141,7 @@ class Engine:
         ``absent``: robots that need not be waited for, see :meth:`absent_robots`.
         """
         self.context.connect(fleet)
-        stored = await self.store.unfinished()
+        stored = await self.store.read_unfinished()
         self.state.orders.last_number = stored.last_number
         for order in stored.orders:
             self.state.orders.load(order)

@@ -23,7 +23,7 @@ class PathLocks:
 
     async def load(self) -> None:
         """Restore the locks from before a restart, for paths that still exist."""
-        stored = await self._engine.store.path_locks()
+        stored = await self._engine.store.read_path_locks()
         locks = {name: locked for name, locked in stored.items() if name in self._plant.paths_by_name}
         if locks:
             self._locked_paths.lock(by_hosts=locks)

@@ -195,13 +195,13 @@ class Store:
         if self._lock:
             self._lock.release()
 
-    async def unfinished(self) -> Unfinished:
+    async def read_unfinished(self) -> Unfinished:
         """Return everything that a restart restores."""
         unfinished = await self._read_from_store(lambda: database.read_unfinished(self._engine))
         self.numbers.continue_after(unfinished.last_change)
         return unfinished
 
-    async def order(
+    async def read_order(
         self, *, name: str | None = None, idempotency_key: str | None = None
     ) -> TransportOrder | None:
         """Read the order with this key, otherwise with this name."""
@@ -209,15 +209,15 @@ class Store:
             lambda: database.read_order(self._engine, name=name, idempotency_key=idempotency_key)
         )
 
-    async def orders(self, wanted: OrderFilter) -> tuple[TransportOrder, ...]:
+    async def read_orders(self, wanted: OrderFilter) -> tuple[TransportOrder, ...]:
         """Read a page of orders, newest first."""
         return await self._read_from_store(lambda: database.read_orders(self._engine, wanted))
 
-    async def order_number_at(self, moment: datetime) -> int:
+    async def read_order_number_at(self, moment: datetime) -> int:
         """Return the lowest number of the orders created at ``moment`` or later; if none, the next number."""
         return await self._read_from_store(lambda: database.read_number_at(self._engine, moment))
 
-    async def sequence(
+    async def read_sequence(
         self, *, name: str | None = None, idempotency_key: str | None = None
     ) -> OrderSequence | None:
         """Read the order sequence with this key, otherwise with this name."""
@@ -225,11 +225,11 @@ class Store:
             lambda: database.read_sequence(self._engine, name=name, idempotency_key=idempotency_key)
         )
 
-    async def sequences(self, wanted: database.SequenceFilter) -> tuple[OrderSequence, ...]:
+    async def read_sequences(self, wanted: database.SequenceFilter) -> tuple[OrderSequence, ...]:
         """Read a page of order sequences, newest first."""
         return await self._read_from_store(lambda: database.read_sequences(self._engine, wanted))
 
-    async def path_locks(self) -> dict[str, bool]:
+    async def read_path_locks(self) -> dict[str, bool]:
         """Read which paths hosts have locked or unlocked, by path name."""
         return await self._read_from_store(lambda: database.read_path_locks(self._engine))
 
@@ -237,17 +237,17 @@ class Store:
         """Read the documents of a kind, by name."""
         return await self._read_from_store(lambda: read_documents(self._engine, kind))
 
-    async def audit_page(self, wanted: AuditQuery) -> AuditPage:
+    async def read_audit_page(self, wanted: AuditQuery) -> AuditPage:
         """Read a page of the audit trail."""
         return await self._read_from_store(lambda: audit.read_page(self._engine, wanted), self._audit_reader)
 
-    async def expired_audit(self, limit: datetime) -> AuditMark | None:
+    async def read_expired_audit(self, limit: datetime) -> AuditMark | None:
         """Read the last of the oldest rows of the audit trail that are from before ``limit``."""
         return await self._read_from_store(
             lambda: audit.read_expired(self._engine, limit), self._audit_reader
         )
 
-    async def changes_after(self, number: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
+    async def read_changes_after(self, number: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
         """Read the orders changed since change ``number``, each with the number of its last change."""
         return await self._read_from_store(lambda: database.read_changes(self._engine, number, limit))
 

@@ -18,7 +18,7 @@ from nena_order_service.extensions.schedules.schedule import (
     DueRuns,
     Schedule,
     check_schedule,
-    due,
+    find_due_runs,
     planned_times,
 )
 from nena_shared.fleet_api.schedules import ScheduleRequest, ScheduleRun
@@ -101,12 +101,12 @@ def test_each_planned_time_runs_or_is_skipped_once(cron: str, catch_up: int, loo
     skipped = 0
     for minutes in looks:
         now += timedelta(minutes=minutes)
-        found = due(made, last, now)
+        found = find_due_runs(made, last, now)
         assert len([each for each in found.runs if now - each > ON_TIME]) <= catch_up
         runs += found.runs
         skipped += found.skipped
         last = max([last, *found.runs, *filter(None, [found.last_skipped])])
-        assert not due(made, last, now).runs
+        assert not find_due_runs(made, last, now).runs
     assert runs == sorted(set(runs))
     planned = [*takewhile(lambda each: each <= now, planned_times(made, START))]
     assert set(runs) <= set(planned)
@@ -115,39 +115,39 @@ def test_each_planned_time_runs_or_is_skipped_once(cron: str, catch_up: int, loo
 
 def test_run_on_time() -> None:
     hourly = definition("0 * * * *")
-    assert due(hourly, NOW, NOW + HOUR) == DueRuns((NOW + HOUR,), 0, None)
-    assert due(hourly, NOW, NOW + HOUR - timedelta(milliseconds=1)) == DueRuns((), 0, None)
+    assert find_due_runs(hourly, NOW, NOW + HOUR) == DueRuns((NOW + HOUR,), 0, None)
+    assert find_due_runs(hourly, NOW, NOW + HOUR - timedelta(milliseconds=1)) == DueRuns((), 0, None)
 
 
 def test_short_delay_is_no_outage() -> None:
-    assert due(definition("0 * * * *"), NOW, NOW + HOUR + ON_TIME).runs == (NOW + HOUR,)
-    assert due(definition("0 * * * *"), NOW, NOW + HOUR + 2 * ON_TIME) == DueRuns((), 1, NOW + HOUR)
+    assert find_due_runs(definition("0 * * * *"), NOW, NOW + HOUR + ON_TIME).runs == (NOW + HOUR,)
+    assert find_due_runs(definition("0 * * * *"), NOW, NOW + HOUR + 2 * ON_TIME) == DueRuns((), 1, NOW + HOUR)
 
 
 def test_missed_runs_are_skipped_or_the_latest_are_caught_up() -> None:
     now = NOW + 5 * HOUR + 30 * MINUTE
-    assert due(definition("0 * * * *"), NOW, now) == DueRuns((), 5, NOW + 5 * HOUR)
-    caught_up = due(definition("0 * * * *", catch_up=2), NOW, now)
+    assert find_due_runs(definition("0 * * * *"), NOW, now) == DueRuns((), 5, NOW + 5 * HOUR)
+    caught_up = find_due_runs(definition("0 * * * *", catch_up=2), NOW, now)
     assert caught_up == DueRuns((NOW + 4 * HOUR, NOW + 5 * HOUR), 3, NOW + 3 * HOUR)
-    assert due(definition("0 * * * *", catch_up=10), NOW, now).skipped == 0
+    assert find_due_runs(definition("0 * * * *", catch_up=10), NOW, now).skipped == 0
 
 
 def test_run_that_is_on_time_after_an_outage_is_no_missed_one() -> None:
-    found = due(definition("0 * * * *"), NOW, NOW + 3 * HOUR + timedelta(seconds=5))
+    found = find_due_runs(definition("0 * * * *"), NOW, NOW + 3 * HOUR + timedelta(seconds=5))
     assert found == DueRuns((NOW + 3 * HOUR,), 2, NOW + 2 * HOUR)
 
 
 def test_runs_that_were_missed_long_ago_are_not_counted() -> None:
     now = NOW + 30 * DAY + HOUR
-    assert due(definition("0 0 * * *", catch_up=100), NOW, now).runs[0] == NOW + 24 * DAY
+    assert find_due_runs(definition("0 0 * * *", catch_up=100), NOW, now).runs[0] == NOW + 24 * DAY
     assert LOOK_BACK == 7 * DAY
 
 
 def test_clock_that_is_set_back_runs_nothing_again() -> None:
     hourly = definition("0 * * * *", catch_up=100)
     last = NOW + 3 * HOUR
-    assert due(hourly, last, NOW + HOUR) == DueRuns((), 0, None)
-    assert due(hourly, last, NOW + 4 * HOUR).runs == (NOW + 4 * HOUR,)
+    assert find_due_runs(hourly, last, NOW + HOUR) == DueRuns((), 0, None)
+    assert find_due_runs(hourly, last, NOW + 4 * HOUR).runs == (NOW + 4 * HOUR,)
 
 
 def test_validity() -> None:
@@ -174,8 +174,8 @@ def test_order_has_the_same_name_each_time() -> None:
 def test_progress() -> None:
     schedule = Schedule(name="S", definition=definition("0 6 * * *"), last=NOW)
     for number in range(12):
-        schedule = schedule.after(ScheduleRun(planned=NOW + number * DAY, transport_order=f"S-{number}"))
-    schedule = schedule.after(ScheduleRun(planned=NOW + 20 * DAY, reason="skipped"), skipped=3)
+        schedule = schedule.with_run(ScheduleRun(planned=NOW + number * DAY, transport_order=f"S-{number}"))
+    schedule = schedule.with_run(ScheduleRun(planned=NOW + 20 * DAY, reason="skipped"), skipped=3)
     assert (schedule.created_orders, schedule.skipped_runs, schedule.last) == (12, 3, NOW + 20 * DAY)
     assert [each.transport_order for each in schedule.last_runs][:2] == [None, "S-11"]
     assert len(schedule.last_runs) == 10

@@ -260,7 +260,7 @@ async def test_schedule_that_fails_is_retried_and_holds_up_no_other(
     monkeypatch.setattr(schedules, "LOOK_INTERVAL", 0.0)
     await put(client)
     await put(client, "/v1/schedules/other")
-    find = service.engine.store.order
+    find = service.engine.store.read_order
 
     async def fail(*, name: str) -> TransportOrder | None:
         if name.startswith("milk-run"):
@@ -269,7 +269,7 @@ async def test_schedule_that_fails_is_retried_and_holds_up_no_other(
 
     clock.advance(16 * HOUR)
     with monkeypatch.context() as failing:
-        failing.setattr(service.engine.store, "order", fail)
+        failing.setattr(service.engine.store, "read_order", fail)
         await run_due(service)
     assert await orders(client) == ["other-20260329T040000Z"]
     assert (await client.get(MILK_RUN)).json()["createdOrders"] == 0, "it has no order yet"
@@ -277,23 +277,19 @@ async def test_schedule_that_fails_is_retried_and_holds_up_no_other(
     assert await orders(client) == ["other-20260329T040000Z", "milk-run-20260329T040000Z"]
 
 
-@pytest.mark.parametrize(
-    ("fields", "status", "problem"),
-    [
+async def test_invalid_schedule_is_refused(client: httpx.AsyncClient) -> None:
+    refused: list[tuple[dict[str, Any], int, str]] = [
         ({"cron": "0 25 * * *"}, 422, "Invalid hour '25'"),
         ({"timeZone": "Europe/Berln"}, 422, "Did you mean 'Europe/Berlin'"),
         ({"transportOrder": {"destinations": [{"locationName": "Storag"}]}}, 404, "Did you mean 'Storage'"),
         ({"transportOrder": {**BODY["transportOrder"], "name": "T"}}, 422, "name"),  # type: ignore[dict-item]
         ({"catchUp": 101}, 422, "catchUp"),
         ({"every": "day"}, 422, "every"),
-    ],
-)
-async def test_invalid_schedule_is_refused(
-    client: httpx.AsyncClient, fields: dict[str, Any], status: int, problem: str
-) -> None:
-    answer = await client.put(MILK_RUN, json={**BODY, **fields})
-    assert answer.status_code == status, answer.text
-    assert problem in " ".join(answer.json()["errors"])
+    ]
+    for fields, status, problem in refused:
+        answer = await client.put(MILK_RUN, json={**BODY, **fields})
+        assert answer.status_code == status, answer.text
+        assert problem in " ".join(answer.json()["errors"])
     assert (await client.get("/v1/schedules")).json() == {"schedules": []}
 
 

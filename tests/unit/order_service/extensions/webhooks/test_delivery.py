@@ -18,7 +18,7 @@ import pytest
 
 from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.extensions.webhooks import Webhooks, delivery
-from nena_order_service.extensions.webhooks.delivery import Webhook, id_of, read_secret, signed
+from nena_order_service.extensions.webhooks.delivery import Webhook, id_of, read_secret, sign_message
 from nena_order_service.extensions.webhooks.settings import WebhookSettings
 from nena_order_service.service import OrderService
 from nena_shared.clock import SystemClock
@@ -99,7 +99,7 @@ async def create(client: httpx.AsyncClient, name: str) -> None:
 
 
 def test_the_signature_is_the_one_of_the_scheme() -> None:
-    headers = signed(KEY, "change-7", MOMENT, b'{"a":1}')
+    headers = sign_message(KEY, "change-7", MOMENT, b'{"a":1}')
     seconds = str(int(MOMENT.timestamp()))
     expected = hmac.new(KEY, f'change-7.{seconds}.{{"a":1}}'.encode(), hashlib.sha256).digest()
     assert headers["webhook-signature"] == "v1," + base64.b64encode(expected).decode()
@@ -171,14 +171,14 @@ async def test_a_message_is_given_up_after_the_time_for_retries(
 async def test_a_failing_store_or_message_does_not_end_it(
     listen: Listen, client: httpx.AsyncClient, service: OrderService, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    read, failures = service.store.changes_after, [StoreNotReadyError("away"), ValueError("unreadable")]
+    read, failures = service.store.read_changes_after, [StoreNotReadyError("away"), ValueError("unreadable")]
 
     async def changes_after(number: int, limit: int) -> Any:
         if failures:
             raise failures.pop()
         return await read(number, limit)
 
-    monkeypatch.setattr(service.store, "changes_after", changes_after)
+    monkeypatch.setattr(service.store, "read_changes_after", changes_after)
     receiver = Receiver()
     async with listen(receiver):
         await create(client, "T-1")

@@ -74,11 +74,11 @@ class AuditTrail(Extension):
 
     def handlers(self) -> Iterable[Handler]:
         """Return what lists the trail."""
-        return (Handler(LIST_AUDIT, lambda request: self.page(wanted=request)),)
+        return (Handler(LIST_AUDIT, lambda request: self.read_page(wanted=request)),)
 
     def routers(self) -> Iterable[APIRouter]:
         """Return the route of the CSV file."""
-        return (audit_csv(self.page),)
+        return (audit_csv(self.read_page),)
 
     def tasks(self) -> Mapping[str, Callable[[], Awaitable[None]]]:
         """Return what deletes old rows."""
@@ -94,12 +94,17 @@ class AuditTrail(Extension):
         created = created_in(changes, asked.creates) if asked.creates else ""
         if asked.creates_many:
             if created:
-                after = self._state_of(request, asked.creates, created, changes)
-                row = self._make_row(request, AuditResult.DONE, name=created, after=after, body=str)
+                state = self._state_of(request, asked.creates, created, changes)
+                row = self._make_row(request, AuditResult.DONE, name=created, after=state, body=str)
                 changes.audit.append(row)
         elif not recorded.is_recorded:
+            # A request may cause several commits; the first one records it.
             recorded.is_recorded = True
-            changes.audit.append(self._changing_row(request, created, changes))
+            name = created if created and asked.creates == asked.kind else request.name
+            state = request.after or self._state_of(request, asked.kind, name, changes)
+            if created and asked.creates != asked.kind:  # such as the order of a dispatched vehicle
+                state = json.dumps({asked.creates: created}, ensure_ascii=False)
+            changes.audit.append(self._make_row(request, AuditResult.DONE, name=name, after=state))
 
     def request_ended(self, request: OpenRequest, result: AuditResult, reason: str) -> None:
         """Record the request unless its change was recorded; a failure is recorded in any case."""
@@ -107,22 +112,14 @@ class AuditTrail(Extension):
         if result is not AuditResult.DONE:
             self._commit_row(self._make_row(request, result, name=request.name, reason=reason))
         elif not recorded.is_recorded:
-            after = request.after or self._state_of(request, asked.kind, request.name)
+            state = request.after or self._state_of(request, asked.kind, request.name)
             if asked.creates == asked.kind and not asked.creates_many:
-                recorded.before = after  # it was created before, by the same request
-            self._commit_row(self._make_row(request, result, name=request.name, after=after))
+                recorded.before = state  # it was created before, by the same request
+            self._commit_row(self._make_row(request, result, name=request.name, after=state))
         del self._open[request]
 
     def _state_of(self, request: OpenRequest, kind: str, name: str, changes: Changes | None = None) -> str:
-        return self._states.of(kind, name, changes, request.asked.state)
-
-    def _changing_row(self, request: OpenRequest, created: str, changes: Changes) -> AuditRow:
-        asked = request.asked
-        name = created if created and asked.creates == asked.kind else request.name
-        after = request.after or self._state_of(request, asked.kind, name, changes)
-        if created and asked.creates != asked.kind:  # such as the order of a dispatched vehicle
-            after = json.dumps({asked.creates: created}, ensure_ascii=False)
-        return self._make_row(request, AuditResult.DONE, name=name, after=after)
+        return self._states.describe_object(kind, name, changes, request.asked.state)
 
     def _make_row(
         self,
@@ -152,6 +149,7 @@ class AuditTrail(Extension):
 
     def _commit_row(self, row: AuditRow) -> None:
         """Commit a row on its own, soon; during a long failure of the database it is only logged."""
+        # Anybody can have requests refused; without a limit they would fill the memory during a failure.
         if self._waiting >= WAITING_LIMIT:
             log.error(
                 "not in the audit trail: database unavailable",
@@ -167,9 +165,9 @@ class AuditTrail(Extension):
     def _row_written(self) -> None:
         self._waiting -= 1
 
-    async def page(self, wanted: AuditQuery) -> AuditPage:
+    async def read_page(self, wanted: AuditQuery) -> AuditPage:
         """Read a page of the trail; raises StoreNotReadyError."""
-        return await self._store.audit_page(wanted)
+        return await self._store.read_audit_page(wanted)
 
     async def delete_periodically(self) -> None:
         """Delete rows that are too old, and wait until it is time to look again."""
@@ -187,7 +185,7 @@ class AuditTrail(Extension):
             StoreNotReadyError: the store cannot be read.
 
         """
-        while mark := await self._store.expired_audit(self.clock.now() - self._kept):
+        while mark := await self._store.read_expired_audit(self.clock.now() - self._kept):
             done = asyncio.Event()
             self._store.commit(Changes(expired_audit=mark), done.set)
             await done.wait()

@@ -75,12 +75,11 @@ async def _csv_rows(read: ReadPage, wanted: AuditQuery, page: AuditPage) -> Asyn
         page = await read(wanted.model_copy(update={"after": page.next}))
 
 
-def _cells_of(entry: AuditEntry) -> list[str]:
-    row = entry.model_dump(mode="json", by_alias=True)
-    return [harmless(value) if isinstance(value, str) else str(value) for value in map(row.get, COLUMNS)]
-
-
 def _csv_lines(entries: Iterable[AuditEntry]) -> str:
     text = io.StringIO()
-    csv.writer(text).writerows(map(_cells_of, entries))
+    writer = csv.writer(text)
+    for entry in entries:
+        values = map(entry.model_dump(mode="json", by_alias=True).get, COLUMNS)
+        # Hosts choose names and reasons, which a spreadsheet could take for formulas.
+        writer.writerow(harmless(value) if isinstance(value, str) else str(value) for value in values)
     return text.getvalue()

@@ -39,7 +39,7 @@ class ObjectStates:
             "plantModel": self._plant_model,
         }
 
-    def of(
+    def describe_object(
         self, kind: str, name: str, changes: Changes | None = None, describe: DescribeObject | None = None
     ) -> str:
         """Return the state of an object as JSON, by ``describe`` if given; empty if it is unknown."""

@@ -12,7 +12,7 @@ from nena_order_service.orders.transport_order import EventCode
 from nena_shared.clock import Clock
 from nena_shared.extensions.black_box.box import BlackBox
 from nena_shared.extensions.black_box.ring import Channel
-from nena_shared.fleet_api.transport_order import HistoryEntry, TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.vda5050.state import EmergencyStop, State
 from nena_shared.vda5050.topics import RobotKey, Topic
@@ -50,12 +50,6 @@ class _RecordedOrder:
     status: TransportOrderStatus
     route: tuple[str, ...] | None
 
-    def new_entries(self, history: tuple[HistoryEntry, ...]) -> tuple[HistoryEntry, ...]:
-        """Return the entries since then; a deferral may have replaced the last one."""
-        recorded = self.status.history
-        unchanged = bool(recorded) and history[len(recorded) - 1] is recorded[-1]
-        return history[len(recorded) if unchanged else max(len(recorded) - 1, 0) :]
-
 
 class DecisionRecorder:
     """Listens to the engine and to fleet control; a failed order or a stop starts a recording."""
@@ -77,11 +71,15 @@ class DecisionRecorder:
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Record what has happened to an order, and its new route."""
         last = self._orders.pop(status.name, None)
-        entries = (
-            last.new_entries(status.history)
-            if last
-            else tuple(entry for entry in status.history if entry.timestamp >= self._since)
-        )
+        history = status.history
+        if last:
+            recorded = last.status.history
+            # The engine replaces the last entry if dispatching is deferred again for another reason.
+            unchanged = bool(recorded) and history[len(recorded) - 1] is recorded[-1]
+            entries = history[len(recorded) if unchanged else max(len(recorded) - 1, 0) :]
+        else:
+            # After a restart, the first status brings the history of the previous run too.
+            entries = tuple(entry for entry in history if entry.timestamp >= self._since)
         about: dict[str, object] = {
             "order": status.name,
             "state": status.state,
@@ -89,7 +87,7 @@ class DecisionRecorder:
         }
         for entry in entries:
             about |= {"event": entry.event_code, "explanation": entry.supplements}
-            self._add_decision(_channel_of(entry), about | {"reason": status.reason})
+            self._add_decision(CHANNELS.get(entry.event_code, ORDERS), about | {"reason": status.reason})
         if not entries and last and last.status.reason != status.reason:
             self._add_decision(ORDERS, about | {"reason": status.reason})
         route = self._record_route(status, last.route if last else None)
@@ -112,9 +110,8 @@ class DecisionRecorder:
             self._add_decision(TRAFFIC, about | {"wait": status.wait, "stop": status.stop})
         if idle:
             self._add_decision(DISPATCH, about | {"connection": status.connection})
-        if (
-            status.stop and not stop and last
-        ):  # without an earlier status, the stop may be from before the start
+        # Without an earlier status, the stop may be from before the start.
+        if status.stop and not stop and last:
             self._box.fail(STOP)
 
     # Events of fleet control
@@ -188,10 +185,6 @@ class DecisionRecorder:
     def _add_decision(self, channel: Channel, decision: Mapping[str, object]) -> None:
         """Record a decision; fields without a value are left out of the file."""
         self._box.ring.add(channel, decision, self._clock.monotonic())
-
-
-def _channel_of(entry: HistoryEntry) -> Channel:
-    return CHANNELS.get(entry.event_code, ORDERS)
 
 
 def _has_failed(status: TransportOrderStatus) -> bool:

@@ -220,7 +220,7 @@ def _add_sequences(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
         wanted = SequenceFilter(intended_vehicle=intended_vehicle, limit=LISTED)
         return [
             OrderSequenceState.model_validate(sequence.status)
-            for sequence in await engine.store.sequences(wanted)
+            for sequence in await engine.store.read_sequences(wanted)
         ]
 
     @app.get(f"{SEQUENCES}/{{name}}")

@@ -93,11 +93,11 @@ class Schedule(BaseModel):
         """Return the name of the order of a planned time: the same each time, so that it is created once."""
         return f"{self.name}-{planned.astimezone(UTC):%Y%m%dT%H%M%SZ}"
 
-    def defined(self, definition: ScheduleRequest, now: datetime) -> Schedule:
+    def with_definition(self, definition: ScheduleRequest, now: datetime) -> Schedule:
         """Return the schedule with another definition; it applies to planned times after ``now``."""
         return self.model_copy(update={"definition": definition, "last": now})
 
-    def after(self, run: ScheduleRun, skipped: int = 0) -> Schedule:
+    def with_run(self, run: ScheduleRun, skipped: int = 0) -> Schedule:
         """Return the schedule after a run, or after ``skipped`` ones up to this one."""
         return self.model_copy(
             update={
@@ -112,7 +112,7 @@ class Schedule(BaseModel):
         """Return the next planned times, up to five. Takes some ms if they are years apart."""
         return tuple(islice(planned_times(self.definition, self.last), NEXT_SHOWN))
 
-    def status(self, next_runs: tuple[datetime, ...]) -> ScheduleStatus:
+    def to_status(self, next_runs: tuple[datetime, ...]) -> ScheduleStatus:
         """Return the schedule as hosts see it."""
         return ScheduleStatus(
             name=self.name,
@@ -124,24 +124,30 @@ class Schedule(BaseModel):
         )
 
 
-def planned_times(definition: ScheduleRequest, after: datetime) -> Iterator[datetime]:
-    """Yield the planned times after a time, in UTC, within the validity; none if it is disabled."""
+def planned_times(definition: ScheduleRequest, last: datetime) -> Iterator[datetime]:
+    """Yield the planned times after ``last``, in UTC, within the validity; none if it is disabled."""
     if not definition.enabled:
         return
-    start = max(filter(None, (after, definition.valid_from)))
+    start = max(filter(None, (last, definition.valid_from)))
     zone = ZoneInfo(definition.time_zone)
+    # cronsim takes an expression for one of fixed hours only if its minutes do not start with * either, so
+    # these are spelled out.
+    fields = definition.cron.split()
+    if fields[0].startswith("*") and not fields[1].startswith("*"):
+        fields[0] = f"0-59{fields[0][1:]}"
     try:
-        for sim in CronSim(_at_fixed_hours(definition.cron), (start - SECOND).astimezone(zone)):
+        # One second earlier: a run at the start itself counts.
+        for sim in CronSim(" ".join(fields), (start - SECOND).astimezone(zone)):
             planned = sim.astimezone(UTC)
             if definition.valid_until and planned >= definition.valid_until:
                 return
-            if planned > after and planned >= start:  # not so in an hour that occurs for the second time
+            if planned > last and planned >= start:  # not so in an hour that occurs for the second time
                 yield planned
     except OverflowError:  # after the year 9999
         return
 
 
-def due(definition: ScheduleRequest, last: datetime, now: datetime) -> DueRuns:
+def find_due_runs(definition: ScheduleRequest, last: datetime, now: datetime) -> DueRuns:
     """Return which planned times after ``last`` are due at ``now``: to create orders for, or to skip.
 
     If the clock was set back, ``now`` may be before ``last``: nothing is due until it has passed ``last``.
@@ -179,23 +185,12 @@ def check_schedule(name: str, definition: ScheduleRequest, now: datetime) -> Non
         raise InvalidScheduleError(problems)
 
 
-def _at_fixed_hours(cron: str) -> str:
-    """Return the expression with the minutes of fixed hours spelled out.
-
-    cronsim treats only expressions as at fixed hours that have no ``*`` at the start of the minutes either.
-    """
-    fields = cron.split()
-    if fields[0].startswith("*") and not fields[1].startswith("*"):
-        fields[0] = f"0-59{fields[0][1:]}"
-    return " ".join(fields)
-
-
 def _problem_of_cron(cron: str) -> str:
     fields = cron.split()
     if len(fields) != len(FIELDS):
         return f"Invalid cron expression {cron!r}: it has {len(fields)} fields. {FORM}"
     for (name, possible), text in zip(FIELDS.items(), fields, strict=True):
-        alone = ["*" if other != name else text for other in FIELDS]
+        alone = [text if field == name else "*" for field in FIELDS]
         if not _is_readable(" ".join(alone)):
             return f"Invalid {name} {text!r} in {cron!r}. Use {possible}, *, lists, ranges and steps."
     if not _is_readable(cron):
@@ -215,8 +210,8 @@ def _problem_of_zone(name: str) -> str:
     try:
         ZoneInfo(name)
     except (KeyError, ValueError, OSError):  # OSError: a folder of zones, such as Europe
-        known = sorted(available_timezones())
-        alike = get_close_matches(name, known, n=3) or [each for each in known if each.endswith(f"/{name}")]
+        zones = sorted(available_timezones())
+        alike = get_close_matches(name, zones, n=3) or [zone for zone in zones if zone.endswith(f"/{name}")]
         hint = f" Did you mean {' or '.join(map(repr, alike))}?" if alike else " Example: 'Europe/Berlin'."
         return f"Unknown time zone {name!r}.{hint}"
     return ""

@@ -23,10 +23,9 @@ from nena_order_service.errors import StoreNotReadyError, TooManySchedulesError,
 from nena_order_service.extensions.schedules.schedule import (
     LOOK_BACK,
     ON_TIME,
-    DueRuns,
     Schedule,
     check_schedule,
-    due,
+    find_due_runs,
 )
 from nena_order_service.orders.validation import InvalidRequestError, check_request, set_operations
 from nena_order_service.store.database import Changes
@@ -72,7 +71,7 @@ class _Planned:
 
     @property
     def status(self) -> ScheduleStatus:
-        return self.schedule.status(self.next_runs)
+        return self.schedule.to_status(self.next_runs)
 
 
 class Schedules:
@@ -209,7 +208,7 @@ class Schedules:
         if name in self._known:
             # Outside the request, which the audit trail would record with the first change made in it.
             await asyncio.create_task(self._create_due_orders(name, time), context=Context())
-            schedule = self._known[name].schedule.defined(definition, time)
+            schedule = self._known[name].schedule.with_definition(definition, time)
         else:
             schedule = Schedule(name=name, definition=definition, last=time)
         with self._engine.unit_of_work.begin():
@@ -223,33 +222,30 @@ class Schedules:
         if wait is None or wait > 0:
             return
         schedule = planned.schedule
-        due_runs = await self._find_due_runs(schedule, time, outage=wait < -ON_TIME.total_seconds())
+        find = partial(find_due_runs, schedule.definition, schedule.last, time)
+        # A week of missed minutes takes half a second, for which the loop must not stand still.
+        due_runs = await asyncio.to_thread(find) if wait < -ON_TIME.total_seconds() else find()
         if due_runs.last_skipped:
             reason = Reason(R.RUNS_SKIPPED, count=due_runs.skipped)
             skipped = ScheduleRun(planned=due_runs.last_skipped, **explained(reason))
-            self._record_run(schedule.after(skipped, due_runs.skipped), due_runs.skipped)
+            self._record_run(schedule.with_run(skipped, due_runs.skipped), due_runs.skipped)
         elif not due_runs.runs:
             long_ago = ScheduleRun(planned=planned.next_runs[0], **explained(LONG_AGO))
-            self._record_run(schedule.after(long_ago).model_copy(update={"last": time - LOOK_BACK}))
+            self._record_run(schedule.with_run(long_ago).model_copy(update={"last": time - LOOK_BACK}))
         open_orders = tuple(filter(self._is_open_order, schedule.open_orders))
         room = max(0, schedule.definition.max_open_orders - len(open_orders))
         first = max(0, len(due_runs.runs) - room)
         for run in due_runs.runs[:first]:
             skipped = ScheduleRun(planned=run, **explained(Reason(R.ORDERS_OPEN, count=len(open_orders))))
-            self._record_run(self._known[name].schedule.after(skipped, 1))
+            self._record_run(self._known[name].schedule.with_run(skipped, 1))
         for run in due_runs.runs[first:]:
             late = LATE if time - run > ON_TIME else None
             await self._create_order(self._known[name].schedule, run, late)
 
-    @staticmethod
-    async def _find_due_runs(schedule: Schedule, time: datetime, *, outage: bool) -> DueRuns:
-        work = partial(due, schedule.definition, schedule.last, time)
-        return await asyncio.to_thread(work) if outage else work()  # a week of minutes takes half a second
-
     async def _create_order(self, schedule: Schedule, planned: datetime, late: Reason | None) -> None:
         """Create the order of a planned time, or record why it is not created."""
         name = schedule.order_name(planned)
-        if await self._engine.store.order(name=name) or self._engine.state.orders.named(name):
+        if await self._engine.store.read_order(name=name) or self._engine.state.orders.named(name):
             refused = Reason(R.ORDER_EXISTS, order=name)
         else:
             try:
@@ -258,7 +254,9 @@ class Schedules:
                 refused = reason_of(error)
             else:
                 self._engine.unit_of_work.require_store()
-                done = schedule.after(ScheduleRun(planned=planned, transport_order=name, **explained(late)))
+                done = schedule.with_run(
+                    ScheduleRun(planned=planned, transport_order=name, **explained(late))
+                )
                 open_orders = (*filter(self._is_open_order, schedule.open_orders), name)
                 done = done.model_copy(update={"open_orders": open_orders})
                 with self._engine.change():  # together, so that no restart creates it again
@@ -267,7 +265,7 @@ class Schedules:
                 self.outcomes[CREATED] += 1
                 log.info("order created by schedule", schedule=schedule.name, order=name, late=bool(late))
                 return
-        self._record_run(schedule.after(ScheduleRun(planned=planned, **explained(refused)), 1))
+        self._record_run(schedule.with_run(ScheduleRun(planned=planned, **explained(refused)), 1))
 
     def _is_open_order(self, name: str) -> bool:
         """Return whether an order of this name has not ended; open ones are in memory."""
@@ -307,11 +305,13 @@ class Schedules:
         else:
             self._known[name] = _Planned.of(schedule)
             documents[SCHEDULE, name] = schedule.model_dump_json(by_alias=True, exclude_unset=True)
-        self._engine.state.after_commit(partial(self._show_committed, dict(self._known)))
-        self._changed.set()
+        committed = dict(self._known)
 
-    def _show_committed(self, committed: dict[str, _Planned]) -> None:
-        self._visible = committed
+        def show_committed() -> None:
+            self._visible = committed  # hosts only see what a restart restores
+
+        self._engine.state.after_commit(show_committed)
+        self._changed.set()
 
 
 def _schedule_named(name: str, schedules: dict[str, _Planned]) -> _Planned:

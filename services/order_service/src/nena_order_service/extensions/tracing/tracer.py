@@ -55,7 +55,16 @@ def order_spans(status: TransportOrderStatus) -> Iterator[Span]:
         parent_id=None,
         begin=status.created,
         end=status.finished or status.history[-1].timestamp,
-        attributes=_attributes_of(status),
+        attributes={
+            "nena.transport_order": status.name,
+            "nena.state": status.state.value,
+            "nena.reason": cut(status.reason),
+            "nena.type": status.type,
+            "nena.vehicle": status.processing_vehicle or "",
+            "nena.destinations": len(status.drive_orders),
+            "nena.automatic": status.automatic,
+            "nena.late": status.late,
+        },
         events=tuple(map(_event_of, status.history[-EVENTS_LIMIT:])),
         link=TraceContext.of(status.traceparent),
         error="" if status.state is TransportOrderState.FINISHED else cut(status.reason),
@@ -79,19 +88,6 @@ def part_of_order(
     """Return a child of a transport order's span."""
     attributes = {"nena.transport_order": order, **(attributes or {})}
     return Span(name, trace_id_of(order), new_span_id(), order_span_id(order), begin, end, attributes)
-
-
-def _attributes_of(status: TransportOrderStatus) -> dict[str, AttributeValue]:
-    return {
-        "nena.transport_order": status.name,
-        "nena.state": status.state.value,
-        "nena.reason": cut(status.reason),
-        "nena.type": status.type,
-        "nena.vehicle": status.processing_vehicle or "",
-        "nena.destinations": len(status.drive_orders),
-        "nena.automatic": status.automatic,
-        "nena.late": status.late,
-    }
 
 
 def _event_of(entry: HistoryEntry) -> SpanEvent:
@@ -128,6 +124,7 @@ class OrderTracer:
 
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Export the creation of a new order, and the whole of an ended one."""
+        # Orders from before the start were exported by the previous run.
         if status.created >= self._since and status.name not in self._created:
             self._created.add(status.name)
             self._export(part_of_order("create order", status.name, status.created, self._clock.now()))
@@ -188,6 +185,7 @@ class OrderTracer:
 
     def _export_delivery(self, order_id: str, execution: _FollowedOrder) -> None:
         self._add_event(execution, "vda5050.orderAccepted")
+        # Updates are accepted too; only the first acceptance is the delivery of the order.
         if execution.sent and not execution.accepted:
             trace, parent = trace_id_of(order_name_of(order_id)), vda_order_span_id(order_id)
             attributes: dict[str, AttributeValue] = {

@@ -78,7 +78,7 @@ class Webhooks(Extension):
             gauge(
                 "nena_order_service_webhook_retrying",
                 "1 while the receiver of a web hook does not accept a message.",
-                lambda s: {hook.settings.name: hook.failing for hook in s.hooks},
+                lambda s: {hook.settings.name: hook.is_failing for hook in s.hooks},
                 "webhook",
             ),
         ),

@@ -67,7 +67,7 @@ def read_secret(settings: WebhookSettings) -> bytes:
     return secret
 
 
-def signed(secret: bytes, message: str, moment: datetime, body: bytes) -> dict[str, str]:
+def sign_message(secret: bytes, message: str, moment: datetime, body: bytes) -> dict[str, str]:
     """Return the headers of a message; the signature covers its ID, the moment, and the body."""
     seconds = str(int(moment.timestamp()))
     digest = hmac.digest(secret, b".".join((message.encode(), seconds.encode(), body)), hashlib.sha256)
@@ -131,7 +131,7 @@ class Webhook:
         )
 
     @property
-    def failing(self) -> bool:
+    def is_failing(self) -> bool:
         """Whether the receiver does not accept a message, or accepts none any more."""
         return self._state is not WebhookState.DELIVERING
 
@@ -155,7 +155,11 @@ class Webhook:
                 except Exception:
                     log.exception("web hook failed; trying again", pause=PAUSES[-1], **self._log_values)
                     pause = PAUSES[-1]
-                await self._wait_for_change(pause)
+                if pause is not None:
+                    await asyncio.sleep(pause)
+                else:
+                    # With a limit, because another order service may have changed orders before a takeover.
+                    await set_within(self._changed, POLL_SECONDS)
         log.warning("web hook disabled: its receiver is gone; restart to use it again", **self._log_values)
         await asyncio.Event().wait()
 
@@ -163,6 +167,7 @@ class Webhook:
         """Continue where the last run ended; a new web hook begins with the present."""
         stored = (await self._store.documents(KIND)).get(self.settings.name, "")
         last = self._store.numbers.last
+        # A number that the store has not reached would hold back everything until then.
         if stored.isdecimal() and int(stored) <= last:
             self._known = self._stored = int(stored)
         else:
@@ -173,14 +178,15 @@ class Webhook:
         """Deliver all changes; return the delay before the next attempt if one fails, otherwise None."""
         more = True
         while more:
-            page = await self._store.changes_after(self._known, PAGE)
+            page = await self._store.read_changes_after(self._known, PAGE)
             more = len(page) == PAGE
             for number, order in page:
                 wanted = not self.settings.states or order.status.state in self.settings.states
                 if wanted and not await self._deliver_once(receiver, number, order.status):
                     return self._note_failure(order.name)
                 self._known = number
-                if wanted or number - self._stored >= PAGE:  # the same few unwanted ones may be read again
+                # Few unwanted ones are read again after a restart: cheaper than a commit for each.
+                if wanted or number - self._stored >= PAGE:
                     self._store_progress()
         self._note_success()
         return None
@@ -191,9 +197,9 @@ class Webhook:
         message = id_of(body)
         try:
             async with asyncio.timeout(ANSWER_SECONDS):
-                status = await receiver.send(signed(self._secret, message, time, body), body)
+                status = await receiver.send(sign_message(self._secret, message, time, body), body)
             result, delivered = str(status), status in SUCCESSES
-            if status == GONE:
+            if status == GONE:  # Standard Webhooks: the receiver wants no more messages
                 self._state = WebhookState.DISABLED
         except TimeoutError:
             result, delivered = f"no answer within {ANSWER_SECONDS:.0f} s", False
@@ -247,19 +253,8 @@ class Webhook:
         """Note that nothing is left to try again."""
         if self._failures:
             log.info("web hook delivers again", **self._log_values)
-        self._state, self._failures, self._failing, self._next_attempt = (
-            WebhookState.DELIVERING,
-            0,
-            None,
-            None,
-        )
-
-    async def _wait_for_change(self, pause: float | None) -> None:
-        """Wait for the delay; without one for a change, or for what another order service has changed."""
-        if pause is not None:
-            await asyncio.sleep(pause)
-        else:
-            await set_within(self._changed, POLL_SECONDS)
+        self._state, self._failures = WebhookState.DELIVERING, 0
+        self._failing = self._next_attempt = None
 
     def _store_progress(self) -> None:
         self._stored, changes = self._known, Changes()
