@@ -41,18 +41,18 @@ FORESEEN: Final[tuple[type[Exception], ...]] = (
 """Errors that are answers to hosts, not faults of the service."""
 
 
-def install(app: FastAPI) -> None:
+def install_error_answers(app: FastAPI) -> None:
     """Answer every error of ``app`` like openTCS, and document it.
 
     Requests refused before they get here (too large, too frequent, not logged in) get a problem.
     """
     describe_problems(app, {"application/json": {"type": "array", "items": {"type": "string"}}})
 
-    async def answered(request: Request, error: Exception) -> Response:
+    async def answer_error(request: Request, error: Exception) -> Response:
         return response_to(request, error)
 
     for kind in (*FORESEEN, Exception):
-        app.add_exception_handler(kind, answered)
+        app.add_exception_handler(kind, answer_error)
 
 
 def response_to(request: Request, error: Exception) -> Response:

@@ -9,7 +9,6 @@ from typing import Any, Final
 from fastapi import FastAPI, Response
 from starlette.exceptions import HTTPException
 
-from nena_order_service.engine.engine import Engine
 from nena_order_service.extension import Core
 from nena_order_service.extensions.opentcs import answers, events, orders, peripherals, plant, vehicles
 from nena_order_service.extensions.opentcs.answers import NotPossibleError
@@ -25,24 +24,34 @@ def make_app(core: Core, changes: events.ChangeLog) -> FastAPI:
     app = FastAPI(title="openTCS web API, version 1, as NeNa serves it", docs_url=None, redoc_url=None)
     app.state.trail = hosts.trail
     app.router.route_class = AuditedRoute
-    answers.install(app)
-    _add_dispatcher(app, engine)
+    answers.install_error_answers(app)
+
+    @app.post("/v1/dispatcher/trigger", response_class=Response)
+    @app.post("/v1/vehicles/dispatcher/trigger", response_class=Response)
+    @app.post("/v1/transportOrders/dispatcher/trigger", response_class=Response)
+    async def trigger() -> None:
+        engine.run_checks()
+
     orders.add_routes(app, hosts, engine)
     vehicles.add_routes(app, hosts, engine, changes)
     plant.add_routes(app, engine.plant, hosts.locks, core.change_plant)
     peripherals.add_routes(app, hosts, engine)
     events.add_routes(app, changes)
     _add_environment(app)
-    _add_kernel(app)
+
+    @app.get("/v1/kernel/version")
+    async def version() -> dict[str, str]:
+        return {
+            "baselineVersion": OPENTCS_VERSION,
+            "customizationName": "NeNa",
+            "customizationVersion": distribution_version("nena-order-service"),
+        }
+
+    @app.delete("/v1/kernel", response_class=Response)
+    async def shut_down() -> None:
+        raise HTTPException(HTTPStatus.FORBIDDEN, "Hosts cannot shut down the order service.")
+
     return app
-
-
-def _add_dispatcher(app: FastAPI, engine: Engine) -> None:
-    @app.post("/v1/dispatcher/trigger", response_class=Response)
-    @app.post("/v1/vehicles/dispatcher/trigger", response_class=Response)
-    @app.post("/v1/transportOrders/dispatcher/trigger", response_class=Response)
-    async def trigger() -> None:
-        engine.run_checks()
 
 
 def _add_environment(app: FastAPI) -> None:
@@ -70,17 +79,3 @@ def _add_environment(app: FastAPI) -> None:
     @app.put("/v1/environmentalEntities/{name}/retired", response_class=Response)
     async def change_entity(name: str) -> None:
         raise none_of(name)
-
-
-def _add_kernel(app: FastAPI) -> None:
-    @app.get("/v1/kernel/version")
-    async def version() -> dict[str, str]:
-        return {
-            "baselineVersion": OPENTCS_VERSION,
-            "customizationName": "NeNa",
-            "customizationVersion": distribution_version("nena-order-service"),
-        }
-
-    @app.delete("/v1/kernel", response_class=Response)
-    async def shut_down() -> None:
-        raise HTTPException(HTTPStatus.FORBIDDEN, "Hosts cannot shut down the order service.")

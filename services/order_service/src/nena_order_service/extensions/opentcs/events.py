@@ -98,7 +98,7 @@ class ChangeLog(EventRing[_Change]):
         self._last: dict[tuple[type, str], Status] = {}
         """Vehicles, and unfinished orders and sequences, as last seen."""
 
-    def times(self, vehicle: str) -> StateTimes:
+    def times_of(self, vehicle: str) -> StateTimes:
         """Return when a vehicle entered its states; the start of the service if nothing changed."""
         return self._times.get(vehicle, StateTimes(self._began, self._began))
 
@@ -108,7 +108,7 @@ class ChangeLog(EventRing[_Change]):
         times: StateTimes | None = None
         last = self._last.pop(key, None)
         if isinstance(status, VehicleStatus):
-            times = self.times(status.name)
+            times = self.times_of(status.name)
             if isinstance(last, VehicleStatus):
                 times = self._times[status.name] = StateTimes(
                     times.state if last.state is status.state else time,
@@ -126,7 +126,14 @@ class ChangeLog(EventRing[_Change]):
         with self.client():
             while True:
                 added = self.added()
-                if (messages := self._kept_messages(first, last)) or self.closed:
+                changes = self.last(min(max(self.count - first, 0), self.kept)) or ()
+                messages = [
+                    _message_of(number, change)
+                    for number, change in enumerate(changes, self.count - len(changes))
+                    # openTCS's long poll has no messages about sequences.
+                    if first <= number <= last and change.topic is not EventTopic.ORDER_SEQUENCES
+                ]
+                if messages or self.closed:
                     return messages
                 first = max(first, self.count)  # earlier ones do not match
                 if not await set_within(added, max(end - loop.time(), 0.0)):
@@ -138,6 +145,7 @@ class ChangeLog(EventRing[_Change]):
         Raises:
             TooManyClientsError: the limit of clients is reached; raised before the response starts.
         """
+        # Not in the generator, which only begins once the answer's status is sent.
         self._require_room()
         return self._follow_changes(topics, self.count)
 
@@ -159,15 +167,6 @@ class ChangeLog(EventRing[_Change]):
         if self.clients >= CLIENTS:
             raise TooManyClientsError(CLIENTS)
 
-    def _kept_messages(self, first: int, last: int) -> list[Json]:
-        """Return the kept status messages with these numbers; sequences have none."""
-        changes = self.last(min(max(self.count - first, 0), self.kept)) or ()
-        return [
-            _message_of(number, change)
-            for number, change in enumerate(changes, self.count - len(changes))
-            if first <= number <= last and change.topic is not EventTopic.ORDER_SEQUENCES
-        ]
-
     def _event_frame(self, change: _Change) -> bytes:
         event = {
             "currentObjectState": self._object_json(change.status, change.times),
@@ -179,11 +178,24 @@ class ChangeLog(EventRing[_Change]):
         match status:
             case VehicleStatus():
                 model = self._models.get(status.name) or Vehicle(name=status.name)
-                return _vehicle_json(status, model, times or self.times(status.name))
+                return _vehicle_json(status, model, times or self.times_of(status.name))
             case TransportOrderStatus():
-                return _order_json(status)
+                shown = TransportOrderState.model_validate(status).model_dump(mode="json", by_alias=True)
+                drive_orders = enumerate(status.drive_orders)
+                return {
+                    **{name: shown[name] for name in shown if name not in ("category", "destinations")},
+                    "properties": _by_key(status.properties),
+                    "history": _history_json(status.history),
+                    "driveOrders": [_drive_order_json(status.name, *indexed) for indexed in drive_orders],
+                    "currentDriveOrderIndex": status.current_drive_order_index,
+                    "currentRouteStepIndex": -1,
+                    "finishedTime": shown["finishedTime"] or LAST_MOMENT,
+                }
             case OrderSequenceStatus():
-                return _sequence_json(status)
+                shown = OrderSequenceState.model_validate(status).model_dump(mode="json", by_alias=True)
+                del shown["orderTypes"]
+                properties, history = _by_key(status.properties), _history_json(status.history)
+                return {**shown, "properties": properties, "history": history}
             case PeripheralJobStatus():
                 return {
                     "name": status.name,
@@ -281,19 +293,6 @@ def _vehicle_json(status: VehicleStatus, model: Vehicle, times: StateTimes) -> J
     }
 
 
-def _order_json(order: TransportOrderStatus) -> Json:
-    shown = TransportOrderState.model_validate(order).model_dump(mode="json", by_alias=True)
-    return {
-        **{name: value for name, value in shown.items() if name not in ("category", "destinations")},
-        "properties": _by_key(order.properties),
-        "history": _history_json(order.history),
-        "driveOrders": [_drive_order_json(order.name, *indexed) for indexed in enumerate(order.drive_orders)],
-        "currentDriveOrderIndex": order.current_drive_order_index,
-        "currentRouteStepIndex": -1,
-        "finishedTime": shown["finishedTime"] or LAST_MOMENT,
-    }
-
-
 def _drive_order_json(order: str, index: int, drive_order: DriveOrderStatus) -> Json:
     """Return a drive order; its route only has points, because costs and paths are not kept."""
     points = drive_order.route or ()
@@ -345,12 +344,6 @@ def _job_json(job: PeripheralJobStatus) -> Json:
 def peripheral_job(job: PeripheralJobStatus) -> Json:
     """Return a peripheral job as in openTCS's answers."""
     return {"name": job.name, **_job_json(job), "properties": []}
-
-
-def _sequence_json(sequence: OrderSequenceStatus) -> Json:
-    shown = OrderSequenceState.model_validate(sequence).model_dump(mode="json", by_alias=True)
-    del shown["orderTypes"]
-    return {**shown, "properties": _by_key(sequence.properties), "history": _history_json(sequence.history)}
 
 
 def _by_key(properties: tuple[Property, ...]) -> dict[str, str]:

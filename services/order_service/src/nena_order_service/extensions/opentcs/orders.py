@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from datetime import UTC, datetime
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from fastapi import FastAPI, Query, Response
 from pydantic import AliasPath, BeforeValidator, ConfigDict, Field
@@ -20,7 +20,6 @@ from nena_shared.fleet_api.transport_order import (
     OrderSequenceRequest,
     Property,
     TransportOrderRequest,
-    TransportOrderStatus,
 )
 from nena_shared.fleet_api.vehicle import ANY_TYPE, OrderType
 
@@ -79,10 +78,6 @@ class State(Body):
     model_config = ConfigDict(from_attributes=True)
 
 
-def _as_texts(properties: Any) -> list[Property]:  # noqa: ANN401 - of a destination
-    return [Property(key=item.key, value=item.text) for item in properties]
-
-
 class DestinationState(State):
     """A destination in its current state; one by coordinates has no name."""
 
@@ -91,9 +86,11 @@ class DestinationState(State):
     )
     operation: str = Field(validation_alias=AliasPath("destination", "operation"))
     state: str
-    properties: Annotated[tuple[Property, ...], BeforeValidator(_as_texts)] = Field(
-        validation_alias=AliasPath("destination", "properties")
-    )
+    properties: Annotated[
+        tuple[Property, ...],
+        # Values are of any JSON type in NeNa, and text in openTCS.
+        BeforeValidator(lambda items: [Property(key=item.key, value=item.text) for item in items]),
+    ] = Field(validation_alias=AliasPath("destination", "properties"))
 
 
 class TransportOrderState(State):
@@ -137,7 +134,6 @@ class OrderSequenceState(State):
 def add_routes(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
     """Add the routes of transport orders and order sequences."""
     _add_orders(app, hosts)
-    _add_withdrawal(app, hosts)
     _add_assignment(app, hosts, engine)
     _add_sequences(app, hosts, engine)
 
@@ -165,8 +161,6 @@ def _add_orders(app: FastAPI, hosts: HostServices) -> None:
             raise errors.NameTakenError(name)
         return TransportOrderState.model_validate(order)
 
-
-def _add_withdrawal(app: FastAPI, hosts: HostServices) -> None:
     @app.post(f"{ORDERS}/{{name}}/withdrawal", response_class=Response)
     async def withdraw(name: str) -> None:
         with suppress(errors.OrderEndedError):  # like openTCS: nothing is left to withdraw
@@ -191,7 +185,13 @@ def _add_assignment(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
     async def assign(name: str) -> None:
         """Dispatch at once; succeed if this assigns the order to its intended vehicle."""
         order = await hosts.orders.find_status(name)
-        reason = _why_not_assigned(order)
+        reason = ""
+        if order.state.final:
+            reason = f"it is {order.state}"
+        elif order.intended_vehicle is None:
+            reason = "it has no intended vehicle"
+        elif order.wrapping_sequence is not None:
+            reason = "it belongs to a sequence"
         if not reason and order.processing_vehicle != order.intended_vehicle:
             engine.run_checks()
             await engine.unit_of_work.wait_committed()
@@ -201,15 +201,6 @@ def _add_assignment(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
         if reason:
             text = f"Transport order {name!r} cannot be assigned to its intended vehicle: {reason}."
             raise NotPossibleError(text)
-
-
-def _why_not_assigned(order: TransportOrderStatus) -> str:
-    """Return why dispatching cannot assign the order; empty if it may."""
-    if order.state.final:
-        return f"it is {order.state}"
-    if order.intended_vehicle is None:
-        return "it has no intended vehicle"
-    return "" if order.wrapping_sequence is None else "it belongs to a sequence"
 
 
 def _add_sequences(app: FastAPI, hosts: HostServices, engine: Engine) -> None:

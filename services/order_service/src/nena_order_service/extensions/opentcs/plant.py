@@ -338,7 +338,7 @@ def add_routes(app: FastAPI, plant: PlantModel, locks: PathLocks, change_plant: 
     async def update(body: TopologyUpdate | None = None) -> None:
         """Do nothing: locks affect routes at once."""
         for name in body.paths if body else ():
-            locks.get(name)
+            locks.get(name)  # raises an error if there is no such path
 
     @app.put("/v1/locations/{name:path}/locked", response_class=Response)
     async def lock_location(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> None:

@@ -139,17 +139,10 @@ class DriverMessage(Body):
 
 def add_routes(app: FastAPI, hosts: HostServices, engine: Engine, changes: ChangeLog) -> None:
     """Add the routes of vehicles and paths; ``changes`` has the times of the vehicles' states."""
-    _add_states(app, hosts, engine, changes)
-    _add_commands(app, hosts)
-    _add_drivers(app, hosts)
-    _add_route_query(app, hosts, engine)
-
-
-def _add_states(app: FastAPI, hosts: HostServices, engine: Engine, changes: ChangeLog) -> None:
     models = engine.plant.vehicles_by_name
 
     def state_of(status: VehicleStatus) -> VehicleState:
-        return VehicleState.of(status, models.get(status.name), changes.times(status.name))
+        return VehicleState.of(status, models.get(status.name), changes.times_of(status.name))
 
     @app.get(VEHICLES)
     async def list_vehicles(
@@ -161,6 +154,10 @@ def _add_states(app: FastAPI, hosts: HostServices, engine: Engine, changes: Chan
     @app.get(f"{VEHICLES}/{{name}}")
     async def show(name: str) -> VehicleState:
         return state_of(hosts.vehicles.find_status(name))
+
+    _add_commands(app, hosts)
+    _add_drivers(app, hosts)
+    _add_route_query(app, hosts, engine)
 
 
 def _add_commands(app: FastAPI, hosts: HostServices) -> None:
