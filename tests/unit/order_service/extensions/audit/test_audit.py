@@ -71,7 +71,7 @@ async def test_row_is_in_the_transaction_of_the_change(
     assert len(await rows(client)) == 1
 
 
-CHANGES = [
+CHANGES: list[tuple[str, str, dict[str, Any]]] = [
     ("PUT", "/v1/vehicles/Robot-01/integrationLevel", {"integrationLevel": "TO_BE_IGNORED"}),
     ("PUT", "/v1/vehicles/Robot-01/acceptableOrderTypes", {"acceptableOrderTypes": [{"name": "Cargo"}]}),
     ("POST", "/v1/transportOrders/T-1/hold", {"by": "Anna", "reason": "blocked"}),
@@ -79,26 +79,22 @@ CHANGES = [
 ]
 
 
-@pytest.mark.parametrize(("method", "path", "body"), CHANGES)
 async def test_changes_are_recorded_with_the_state_before_and_after(
-    client: httpx.AsyncClient, method: str, path: str, body: dict[str, Any]
-) -> None:
-    await client.post("/v1/transportOrders", json=ORDER)
-    assert (await client.request(method, path, json=body)).status_code == 200
-    found = await row(client, 2)
-    assert found["object"] == path.split("/")[3]
-    assert json.loads(found["request"]) == body
-    before, after = json.loads(found["before"]), json.loads(found["after"])
-    assert before != after
-    assert {"integrationLevel", "state"} & before.keys()
-
-
-async def test_path_lock_is_recorded_with_both_states(
     client: httpx.AsyncClient, service: OrderService
 ) -> None:
+    await client.post("/v1/transportOrders", json=ORDER)
+    for number, (method, path, body) in enumerate(CHANGES, 2):
+        assert (await client.request(method, path, json=body)).status_code == 200
+        entry = await row(client, number)
+        assert entry["object"] == path.split("/")[3]
+        assert json.loads(entry["request"]) == body
+        before, after = json.loads(entry["before"]), json.loads(entry["after"])
+        assert before != after
+        assert {"integrationLevel", "state"} & before.keys()
+
     name = service.engine.plant.paths[0].name
     await client.put(f"/v1/paths/{name}/lock", json={"locked": True})
-    found = await row(client)
+    found = await row(client, len(CHANGES) + 2)
     assert (found["objectKind"], found["object"]) == ("path", name)
     assert (found["before"], found["after"]) == ('{"locked": false}', '{"locked": true}')
 
@@ -120,23 +116,18 @@ async def test_dispatch_is_recorded_for_the_vehicle_with_its_order(client: httpx
     assert (found["objectKind"], found["object"]) == ("vehicle", "Robot-01")
 
 
-@pytest.mark.parametrize(
-    ("method", "path", "body", "reason"),
-    [
+async def test_refused_request_is_recorded_with_the_reason(client: httpx.AsyncClient) -> None:
+    refused: list[tuple[str, str, dict[str, Any], str]] = [
         ("POST", "/v1/transportOrders/none/withdrawal", {}, "UNKNOWN_ORDER: Unknown transport order 'none'"),
         ("PUT", "/v1/paths/none/lock", {"locked": True}, "UNKNOWN_PATH: "),
         ("POST", "/v1/transportOrders", {"destinations": [{"locationName": "none"}]}, "none"),
         ("POST", "/v1/vehicles/Robot-01/instantActions", {"actionType": "pause"}, "NOT_REACHED: "),
-    ],
-)
-async def test_refused_request_is_recorded_with_the_reason(
-    client: httpx.AsyncClient, method: str, path: str, body: dict[str, Any], reason: str
-) -> None:
-    assert (await client.request(method, path, json=body)).status_code >= 400
-    found = await row(client)
-    assert found["result"] == "REFUSED"
-    assert reason in found["reason"]
-    assert found["after"] == ""
+    ]
+    for number, (method, path, body, reason) in enumerate(refused, 1):
+        assert (await client.request(method, path, json=body)).status_code >= 400
+        entry = await row(client, number)
+        assert (entry["result"], entry["after"]) == ("REFUSED", "")
+        assert reason in entry["reason"]
 
 
 async def test_failed_request_is_recorded_without_internals(
