@@ -72,6 +72,7 @@ GRACE = 2.0
 NOT_ANSWERED = "the database does not answer"
 
 _TAKE = sa.text("SELECT pg_try_advisory_lock(:lock_class, hashtext(current_schema()))")
+# idle_session_timeout (since PostgreSQL 14) frees the lock of a holder that hangs between two questions.
 _SETTINGS = (f"SET idle_session_timeout = '{HANG_SECONDS}s'", "SET statement_timeout = '2s'")
 
 

@@ -187,7 +187,7 @@ class Store:
 
     def close(self) -> None:
         """Stop the threads, close the database and release its lock; pending queries are abandoned."""
-        close_connections(self._engine)
+        close_connections(self._engine)  # first: a thread only ends once its query does
         self._writer.shutdown()
         self._reader.shutdown()
         self._audit_reader.shutdown()

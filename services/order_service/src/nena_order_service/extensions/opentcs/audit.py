@@ -59,7 +59,7 @@ class AuditedRoute(APIRoute):
                 try:
                     body = await request.body()
                     response = await handle(request)
-                except FORESEEN as error:
+                except FORESEEN as error:  # the application's handlers would answer too late for the row
                     response = response_to(request, error)
                 if response.status_code >= HTTPStatus.BAD_REQUEST:
                     reason = bytes(response.body)[:REASON_LIMIT].decode("utf-8", "replace")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import re
-from collections.abc import AsyncGenerator, Collection
+from collections.abc import AsyncGenerator, Collection, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -56,6 +56,14 @@ class EventTopic(StrEnum):
     PERIPHERAL_JOBS = "/events/peripheralJobs"
 
 
+TOPICS: Final[Mapping[type[Status], EventTopic]] = {
+    VehicleStatus: EventTopic.VEHICLES,
+    TransportOrderStatus: EventTopic.TRANSPORT_ORDERS,
+    OrderSequenceStatus: EventTopic.ORDER_SEQUENCES,
+    PeripheralJobStatus: EventTopic.PERIPHERAL_JOBS,
+}
+
+
 class StateTimes(NamedTuple):
     """Times at which a vehicle entered its state and its processing state."""
 
@@ -72,18 +80,6 @@ class _Change:
     last: Status | None
     times: StateTimes | None
     """Times of a vehicle's states; None for other objects."""
-
-    @property
-    def topic(self) -> EventTopic:
-        match self.status:
-            case VehicleStatus():
-                return EventTopic.VEHICLES
-            case TransportOrderStatus():
-                return EventTopic.TRANSPORT_ORDERS
-            case OrderSequenceStatus():
-                return EventTopic.ORDER_SEQUENCES
-            case PeripheralJobStatus():
-                return EventTopic.PERIPHERAL_JOBS
 
 
 class ChangeLog(EventRing[_Change]):
@@ -115,6 +111,7 @@ class ChangeLog(EventRing[_Change]):
                     times.processing_state if last.processing_state is status.processing_state else time,
                 )
         self.add(_Change(time, status, last, times))
+        # What has ended changes no more, and would fill the memory in the course of months.
         if isinstance(status, VehicleStatus) or not _is_over(status):
             self._last[key] = status
 
@@ -131,7 +128,7 @@ class ChangeLog(EventRing[_Change]):
                     _message_of(number, change)
                     for number, change in enumerate(changes, self.count - len(changes))
                     # openTCS's long poll has no messages about sequences.
-                    if first <= number <= last and change.topic is not EventTopic.ORDER_SEQUENCES
+                    if first <= number <= last and not isinstance(change.status, OrderSequenceStatus)
                 ]
                 if messages or self.closed:
                     return messages
@@ -157,7 +154,7 @@ class ChangeLog(EventRing[_Change]):
             async def next_frames() -> bytes:
                 nonlocal position
                 changes, position = self.last(min(self.count - position, KEPT)) or (), self.count
-                wanted = (change for change in changes if change.topic in topics)
+                wanted = (change for change in changes if TOPICS[type(change.status)] in topics)
                 return b"".join(map(self._event_frame, wanted))
 
             async for frames in self.frames(next_frames):
@@ -172,7 +169,7 @@ class ChangeLog(EventRing[_Change]):
             "currentObjectState": self._object_json(change.status, change.times),
             "previousObjectState": self._object_json(change.last, change.times) if change.last else None,
         }
-        return f"event: {change.topic}\ndata: {json.dumps(event)}\n\n".encode()
+        return f"event: {TOPICS[type(change.status)]}\ndata: {json.dumps(event)}\n\n".encode()
 
     def _object_json(self, status: Status, times: StateTimes | None) -> Json:
         match status:

@@ -193,6 +193,7 @@ def _add_assignment(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
         elif order.wrapping_sequence is not None:
             reason = "it belongs to a sequence"
         if not reason and order.processing_vehicle != order.intended_vehicle:
+            # A run decides about all orders and vehicles; whether this one has won shows afterwards.
             engine.run_checks()
             await engine.unit_of_work.wait_committed()
             order = await hosts.orders.find_status(name)

@@ -127,6 +127,7 @@ class Schedules:
             if stored is None or stored.schedule.definition != definition:
                 await self._change_definition(name, definition, time)
             status = self._known[name].status
+        # Without the lock: while the database is slow, schedules can still be checked and changed.
         await self._engine.unit_of_work.wait_committed()
         return status, stored is None
 
@@ -192,7 +193,7 @@ class Schedules:
                 async with self._one_by_one:
                     if name in self._known:  # not deleted meanwhile
                         await self._create_due_orders(name, self._engine.clock.now())
-            except StoreNotReadyError as error:
+            except StoreNotReadyError as error:  # of all schedules, so the others need not be tried
                 log.warning("schedule waits for the store", schedule=name, reason=str(error))
                 failed = True
                 break
@@ -231,9 +232,11 @@ class Schedules:
             self._record_run(schedule.with_run(skipped, due_runs.skipped), due_runs.skipped)
         elif not due_runs.runs:
             long_ago = ScheduleRun(planned=planned.next_runs[0], **explained(LONG_AGO))
+            # Next runs are counted from the last one, so it is set to where looking back ends.
             self._record_run(schedule.with_run(long_ago).model_copy(update={"last": time - LOOK_BACK}))
         open_orders = tuple(filter(self._is_open_order, schedule.open_orders))
         room = max(0, schedule.definition.max_open_orders - len(open_orders))
+        # If only some may be open, the latest runs are still worth an order, the oldest are not.
         first = max(0, len(due_runs.runs) - room)
         for run in due_runs.runs[:first]:
             skipped = ScheduleRun(planned=run, **explained(Reason(R.ORDERS_OPEN, count=len(open_orders))))

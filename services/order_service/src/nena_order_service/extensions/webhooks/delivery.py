@@ -118,6 +118,7 @@ class Webhook:
     @property
     def status(self) -> WebhookStatus:
         """The web hook as hosts see it."""
+        # User, password and query of a URL may be the receiver's secrets.
         url, last = urlsplit(str(self.settings.url)), self._attempts[-1] if self._attempts else None
         return WebhookStatus(
             name=self.settings.name,
@@ -161,7 +162,7 @@ class Webhook:
                     # With a limit, because another order service may have changed orders before a takeover.
                     await set_within(self._changed, POLL_SECONDS)
         log.warning("web hook disabled: its receiver is gone; restart to use it again", **self._log_values)
-        await asyncio.Event().wait()
+        await asyncio.Event().wait()  # a task that returns is run again
 
     async def _restore_progress(self) -> None:
         """Continue where the last run ended; a new web hook begins with the present."""
@@ -196,6 +197,7 @@ class Webhook:
         time, body = self._clock.now(), body_of(order)
         message = id_of(body)
         try:
+            # Signed anew for each attempt: Standard Webhooks has receivers refuse old timestamps.
             async with asyncio.timeout(ANSWER_SECONDS):
                 status = await receiver.send(sign_message(self._secret, message, time, body), body)
             result, delivered = str(status), status in SUCCESSES
@@ -302,6 +304,7 @@ class HttpReceiver:
 
     async def __aenter__(self) -> Self:
         """Open a client."""
+        # Proxies and certificates of the environment are not used: the settings alone say who is trusted.
         self._client = self._httpx.AsyncClient(
             timeout=ANSWER_SECONDS, follow_redirects=False, trust_env=False, verify=self._trusted
         )
