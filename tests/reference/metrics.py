@@ -30,7 +30,7 @@ PROGRAMS: Final[dict[str, tuple[Section[Any], ...]]] = {
     "Status aggregator": (
         *exposition.SECTIONS,
         *(each.section for each in aggregator_extension.installed().values() if each.section),
-        Section("Single robots", tuple(robot_series.documented())),
+        Section("Single robots", tuple(robot_series.documented_metrics())),
     ),
 }
 

@@ -23,7 +23,7 @@ from nena_status_aggregator.fleet.queues import JamLimits
 from nena_status_aggregator.fleet.robot import Timestamp
 from nena_status_aggregator.history.history import History
 from nena_status_aggregator.mqtt import FleetSubscriber
-from nena_status_aggregator.settings import AggregatorSettings, HistorySettings, Share
+from nena_status_aggregator.settings import AggregatorSettings, Share
 
 log = get_logger(__name__)
 
@@ -49,7 +49,8 @@ class Aggregator:
         """
         self.clock = clock
         self.share = Share.read(settings.share)
-        self.history = _open_history(settings.history, clock)
+        url = settings.history.location()
+        self.history = History(settings.history, url, clock) if url else None
         limits = ModelLimits(
             robots=settings.robots_limit,
             orders=settings.orders_limit,
@@ -105,12 +106,12 @@ class Aggregator:
         """
         followed_until = 0.0
         while True:
-            now = self.clock.monotonic()
+            time_s = self.clock.monotonic()
             self.link.read_postponed()
             self.link.report_limits()
             if self.events.clients:
-                followed_until = now + IDLE_DELAY
-            if now < followed_until:
+                followed_until = time_s + IDLE_DELAY
+            if time_s < followed_until:
                 self.publish_changes()
             else:
                 self.link.report_connection()
@@ -121,8 +122,3 @@ class Aggregator:
         self.publish_changes()
         view = self.model.snapshot()
         return view["id"], to_json({**view, "time": iso(self.clock.now()), "share": str(self.share)})
-
-
-def _open_history(settings: HistorySettings, clock: Clock) -> History | None:
-    url = settings.location()
-    return History(settings, url, clock) if url else None

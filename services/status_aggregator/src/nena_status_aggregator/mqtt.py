@@ -93,7 +93,7 @@ class FleetSubscriber:
             settings.mqtt,
             # several aggregators may use one broker; client IDs must be unique
             client_id=f"nena-status-aggregator-{token_hex(4)}",
-            hooks=LinkHooks(on_lost=self._connection_lost),
+            hooks=LinkHooks(on_lost=self._on_connection_lost),
         )
         self._subscribe_robots(schemes(settings))
         self._subscribe_fleet()
@@ -113,29 +113,30 @@ class FleetSubscriber:
 
     def report_limits(self) -> None:
         """Log, at most once a minute, that limits leave out robots or open orders."""
-        limits, now = self._model.limits, self._clock.monotonic()
-        if now < self._limits_due:
+        limits, time_s = self._model.limits, self._clock.monotonic()
+        if time_s < self._limits_due:
             return
         refused, forgotten = sum(self._model.statistics.refused.values()), self._model.orders.open_removed
-        before = self._left_out
-        if (refused, forgotten) == before:
+        logged = self._left_out
+        if (refused, forgotten) == logged:
             return
-        self._left_out, self._limits_due = (refused, forgotten), now + LIMITS_LOGGED_EVERY
-        if refused > before[0]:
+        self._left_out, self._limits_due = (refused, forgotten), time_s + LIMITS_LOGGED_EVERY
+        if refused > logged[0]:
             log.error(
                 "more robots than robots_limit; panel and metrics lack the others",
                 limit=limits.robots,
-                messages_ignored=refused - before[0],
+                messages_ignored=refused - logged[0],
             )
-        if forgotten > before[1]:
+        if forgotten > logged[1]:
             log.error(
                 "more open orders than open_orders_limit; panel and metrics lack some of them",
                 limit=max(limits.orders, limits.open_orders),
-                orders_removed=forgotten - before[1],
+                orders_removed=forgotten - logged[1],
             )
 
     def _subscribe_robots(self, schemes: Iterable[TopicScheme]) -> None:
         """Subscribe to all robots below these topics, unless already subscribed."""
+        model = self._model
         for scheme in schemes:
             if scheme in self._schemes:
                 continue
@@ -146,15 +147,24 @@ class FleetSubscriber:
                 )
                 return
             self._schemes.add(scheme)
-            self._subscribe_topic(scheme, MessageKind.CONNECTION, Connection, self._take_connection)
-            self._subscribe_topic(scheme, MessageKind.STATE, State, self._take_state)
+            self._subscribe_topic(
+                scheme, MessageKind.CONNECTION, Connection, lambda k, m, at, _: model.on_connection(k, m, at)
+            )
+            self._subscribe_topic(
+                scheme,
+                MessageKind.STATE,
+                State,
+                lambda k, m, at, inbound: model.on_state(k, m, at, retained=inbound.retained),
+            )
             self._subscribe_topic(
                 scheme,
                 MessageKind.VISUALIZATION,
                 Visualization,
-                self._take_visualization,
+                lambda k, m, at, _: model.on_visualization(k, m, at),
             )
-            self._subscribe_topic(scheme, MessageKind.FACTSHEET, Factsheet, self._take_factsheet)
+            self._subscribe_topic(
+                scheme, MessageKind.FACTSHEET, Factsheet, lambda k, m, at, _: model.on_factsheet(k, m, at)
+            )
 
     def _subscribe_fleet(self) -> None:
         fleet = self._fleet_topics
@@ -175,7 +185,7 @@ class FleetSubscriber:
     def _subscribe_topic(self, scheme: TopicScheme, kind: MessageKind, form: type[M], take: Take[M]) -> None:
         """Subscribe to a topic of all robots; ``take`` receives each valid message of an accepted source."""
 
-        def handle(inbound: Inbound) -> None:
+        def handle_message(inbound: Inbound) -> None:
             key = scheme.robot_of(inbound.topic)
             if key is None or not self._share.has(key):
                 return
@@ -191,7 +201,7 @@ class FleetSubscriber:
                     None,
                 )
                 return
-            if self._has_too_many(kind, inbound, at, partial(handle, inbound)):
+            if self._has_too_many(kind, inbound, at, partial(handle_message, inbound)):
                 return
             self._repaired = False
             try:
@@ -200,16 +210,17 @@ class FleetSubscriber:
                 self._count_malformed(
                     kind, inbound.topic, _summarise_problems(error.quoted_problems), at, key
                 )
-                self._take_sighting(kind, key, inbound.payload, scheme)
+                self._read_sighting(kind, key, inbound.payload, scheme)
                 return
             if not self._is_next(key, kind, message.header_id, inbound.payload, at):
                 return
+            # What a robot left at the broker below an earlier version or interface name is outdated.
             if self._sources.accepts(key, scheme, message, retained=inbound.retained):
                 take(key, message, at, inbound)
                 if self._repaired:
                     self._model.on_deviations(key, self._deviations.of(key))
 
-        self.mqtt.subscribe(scheme.for_all(Topic(kind)), handle)
+        self.mqtt.subscribe(scheme.for_all(Topic(kind)), handle_message)
 
     def _has_too_many(
         self, kind: MessageKind, inbound: Inbound, at: Timestamp, read: Callable[[], None]
@@ -227,12 +238,11 @@ class FleetSubscriber:
     def _is_next(
         self, key: RobotKey, kind: MessageKind, header_id: int, payload: bytes, at: Timestamp
     ) -> bool:
-        """Return False for an old message with an unreadable timestamp, judging by its headerId.
-
-        Its time of arrival, which replaces the timestamp, would make an old message look new.
-        """
+        """Return False for an old message with an unreadable timestamp, judging by its headerId."""
+        # A last will has the header of its CONNECT, so connection messages are never late.
         if not self._reader.undated or kind is MessageKind.CONNECTION:
             return True
+        # The time of arrival, which replaces the timestamp, would make an old message look new.
         if len(self._undated) >= UNDATED_REMEMBERED:
             self._undated.clear()
         sequence = self._undated.setdefault((key, kind), messages.Sequence())
@@ -241,7 +251,8 @@ class FleetSubscriber:
         self._model.on_ignored(key, kind, f"headerId {header_id}", at)
         return False
 
-    def _connection_lost(self) -> None:
+    def _on_connection_lost(self) -> None:
+        # Restoring a backup of the order service may have lowered its epoch meanwhile.
         self._epochs.reset()
         self._model.on_link(connected=False, at=Timestamp.of(self._clock))
 
@@ -254,23 +265,11 @@ class FleetSubscriber:
         except ValidationError as error:
             self._count_malformed(kind, inbound.topic, _summarise_problems(problems_of(error)), at, None)
 
-    def _take_sighting(self, kind: MessageKind, key: RobotKey, payload: bytes, scheme: TopicScheme) -> None:
-        """Pass on what an unreadable state says about the robot itself."""
+    def _read_sighting(self, kind: MessageKind, key: RobotKey, payload: bytes, scheme: TopicScheme) -> None:
+        # An unreadable state may still have a position: a moving robot should not stand still on the map.
         sighting = self._reader.sighting(payload, scheme.major_version) if kind is MessageKind.STATE else None
         if sighting:
             self._model.on_sighting(key, sighting)
-
-    def _take_connection(self, key: RobotKey, message: Connection, at: Timestamp, _: Inbound) -> None:
-        self._model.on_connection(key, message, at)
-
-    def _take_state(self, key: RobotKey, message: State, at: Timestamp, inbound: Inbound) -> None:
-        self._model.on_state(key, message, at, retained=inbound.retained)
-
-    def _take_visualization(self, key: RobotKey, message: Visualization, at: Timestamp, _: Inbound) -> None:
-        self._model.on_visualization(key, message, at)
-
-    def _take_factsheet(self, key: RobotKey, message: Factsheet, at: Timestamp, _: Inbound) -> None:
-        self._model.on_factsheet(key, message, at)
 
     def _read_robot_map(self, inbound: Inbound, at: Timestamp) -> None:
         key = self._fleet_topics.robot_of_map(inbound.topic)
@@ -283,8 +282,8 @@ class FleetSubscriber:
             problem = f"map of {len(inbound.payload)} bytes exceeds the limit of {PAYLOAD_LIMIT}"
             self._count_malformed(MessageKind.ROBOT_MAP, inbound.topic, problem, at, key)
             return
-        found = MapImage.model_validate_json(inbound.payload) if inbound.payload else None
-        self._model.on_robot_map(key, found, at)
+        image = MapImage.model_validate_json(inbound.payload) if inbound.payload else None
+        self._model.on_robot_map(key, image, at)
 
     def _read_plant_model(self, inbound: Inbound, _at: Timestamp) -> None:
         plant = PlantModel.from_json(inbound.payload) if inbound.payload else None
@@ -332,7 +331,7 @@ class FleetSubscriber:
         self._model.on_malformed(kind, topic, problem, at, key=key)
         if self._problems.get(topic) == problem:
             return
-        if len(self._problems) >= PROBLEM_LIMIT:
+        if len(self._problems) >= PROBLEM_LIMIT:  # costs repeated log lines, no memory
             self._problems.clear()
         self._problems[topic] = problem
         log.warning("unreadable message", topic=topic, robot=str(key) if key else None, problem=problem)

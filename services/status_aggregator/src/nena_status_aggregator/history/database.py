@@ -178,7 +178,7 @@ def prepare(engine: Engine) -> None:
 def write(engine: Engine, events: Sequence[Event]) -> None:
     """Write ``events`` in one transaction, in order."""
     with engine.begin() as connection:
-        connection.execute(insert(event_table), [_row_of(each) for each in events])
+        connection.execute(insert(event_table), [_row_of(entry) for entry in events])
 
 
 def _row_of(entry: Event) -> dict[str, object]:
@@ -197,8 +197,8 @@ def _without_nul(value: Any) -> Any:  # noqa: ANN401 - any JSON value
     if isinstance(value, str):
         return _storable_text(value, None)
     if isinstance(value, Mapping):
-        return {name: _without_nul(each) for name, each in value.items()}
-    return [_without_nul(each) for each in value] if isinstance(value, list | tuple) else value
+        return {name: _without_nul(item) for name, item in value.items()}
+    return [_without_nul(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def _storable_text(text: str | None, length: int | None) -> str | None:

@@ -113,7 +113,8 @@ class HistoryWriter:
         batch = [self._queue.popleft() for _ in range(min(len(self._queue), self._settings.batch_limit))]
         gap = self._gap
         if gap:
-            batch.insert(0, self._gap_entry(gap))
+            text = f"{gap} events before this one were not written."
+            batch.insert(0, Event(self._clock.now(), Code.HISTORY_GAP, text, values={"dropped": gap}))
         if not self._queue:
             self._news.clear()
         try:
@@ -123,49 +124,43 @@ class HistoryWriter:
             self._lose_entries(len(batch) - bool(gap))
         except (SQLAlchemyError, HistoryError) as error:
             self._report_failure(error)
-            self._take_back(batch[1:] if gap else batch)
+            events = batch[1:] if gap else batch
+            # Back to the head of the queue, where the events are older than those that came meanwhile.
+            room = max(0, self._settings.queue_limit - len(self._queue))
+            lost = max(0, len(events) - room)
+            self._lose_entries(lost)
+            self._queue.extendleft(reversed(events[lost:]))
+            self._news.set()
         else:
             self._gap -= gap
             self.written += len(batch)
 
     def _prepare_and_write(self, batch: list[Event]) -> None:
+        # After a failure the database may be a new, empty one.
         if not self.ready:
             database.prepare(self._engine)
         database.write(self._engine, batch)
-
-    def _take_back(self, batch: list[Event]) -> None:
-        """Put a failed batch back at the head of the queue; drop the oldest events beyond the limit."""
-        room = max(0, self._settings.queue_limit - len(self._queue))
-        lost = max(0, len(batch) - room)
-        self._lose_entries(lost)
-        self._queue.extendleft(reversed(batch[lost:]))
-        self._news.set()
 
     def _lose_entries(self, number: int) -> None:
         self.dropped += number
         self._gap += number
 
-    def _gap_entry(self, dropped: int) -> Event:
-        text = f"{dropped} events before this one were not written."
-        return Event(self._clock.now(), Code.HISTORY_GAP, text, values={"dropped": dropped})
-
     async def _keep_expiring(self) -> None:
         while True:
             try:
-                await self._expire_entries()
+                await self._expire_after(self._settings.retention_days, None)
+                # Positions fill most of the table and are wanted for a shorter time.
+                await self._expire_after(self._settings.track_days, Code.POSITION)
             except SQLAlchemyError as error:
                 self._report_failure(error)
             await asyncio.sleep(EXPIRY_INTERVAL)
 
-    async def _expire_entries(self) -> None:
-        await self._expire_after(self._settings.retention_days, None)
-        await self._expire_after(self._settings.track_days, Code.POSITION)
-
     async def _expire_after(self, days: float, code: Code | None) -> None:
-        before = self._clock.now() - timedelta(days=days)
+        oldest = self._clock.now() - timedelta(days=days)
+        # Small transactions, one after the other: new events are written in between.
         deleted = database.EXPIRED_PER_COMMIT
         while deleted == database.EXPIRED_PER_COMMIT:
-            deleted = await self._in_thread(partial(database.expire, self._engine, before=before, code=code))
+            deleted = await self._in_thread(partial(database.expire, self._engine, before=oldest, code=code))
 
     async def _write_the_rest(self) -> None:
         try:

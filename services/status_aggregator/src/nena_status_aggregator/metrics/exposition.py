@@ -43,21 +43,21 @@ NAMES_SHOWN = 5
 
 def _count_jams(aggregator: Aggregator) -> Mapping[LabelValues, float]:
     """Return the robots of each jam by its head; of a circle by its first vehicles."""
-    found: dict[LabelValues, float] = {}
+    robots: dict[LabelValues, float] = {}
     for jam in aggregator.model.queues.find_jams(aggregator.now()):
         more = ", …" if len(jam.end) > NAMES_SHOWN else ""
         head = ", ".join(jam.end[:NAMES_SHOWN]) + more
-        found[head, "circle" if jam.circle else "vehicle"] = jam.robots
-    return found
+        robots[head, "circle" if jam.circle else "vehicle"] = jam.robots
+    return robots
 
 
 def _active_errors(aggregator: Aggregator) -> Mapping[LabelValues, float]:
     label = aggregator.model.statistics.error_labels.label_for
     return Counter(
-        (label(each.error_type), each.error_level.value)
+        (label(error.error_type), error.error_level.value)
         for robot in aggregator.model.robots
         if robot.state is not None
-        for each in robot.state.errors
+        for error in robot.state.errors
     )
 
 
@@ -82,16 +82,6 @@ def _count_orders(aggregator: Aggregator) -> Mapping[LabelValues, float]:
 
 
 FINAL: Final = tuple(state.value for state in TransportOrderState if state.final)
-
-
-def _orders_ended(aggregator: Aggregator) -> Mapping[LabelValues, float]:
-    ended = aggregator.model.statistics.orders_ended
-    return {state: ended.get(state, 0) for state in FINAL}
-
-
-def _order_durations(aggregator: Aggregator) -> Mapping[LabelValues, Histogram]:
-    known = aggregator.model.statistics.order_durations
-    return {state: known.get(state) or Histogram(DURATION_BOUNDS) for state in FINAL}
 
 
 def _writer_of(aggregator: Aggregator) -> HistoryWriter | None:
@@ -225,7 +215,8 @@ ORDERS: Final[Section[Aggregator]] = Section(
         counter(
             "nena_transport_orders_ended_total",
             "Orders that ended while the aggregator was running, except those that gave way to another one.",
-            _orders_ended,
+            # From the first scrape on with 0: a rate needs a value before the first order ends.
+            lambda s: {state: s.model.statistics.orders_ended.get(state, 0) for state in FINAL},
             "state",
         ),
         counter(
@@ -257,14 +248,17 @@ ORDERS: Final[Section[Aggregator]] = Section(
         histogram(
             "nena_transport_order_duration_seconds",
             "Time from an order's creation to its end.",
-            _order_durations,
+            lambda s: {
+                state: s.model.statistics.order_durations.get(state) or Histogram(DURATION_BOUNDS)
+                for state in FINAL
+            },
             "state",
         ),
     ),
     "`state` is the openTCS state: "
     + ", ".join(f"`{state.value}`" for state in TransportOrderState)
     + "; ended orders have one of "
-    + ", ".join(f"`{each}`" for each in FINAL)
+    + ", ".join(f"`{state}`" for state in FINAL)
     + ".",
 )
 
@@ -331,6 +325,7 @@ class Exposition:
 
     def text(self) -> bytes:
         """Return the text format 0.0.4."""
-        model, now = self._aggregator.model, self._aggregator.now()
         extensions = b"".join(extension.text() for extension in self._extensions)
-        return self._fleet.text() + extensions + robot_families(model.robots, now).encode()
+        # Written by hand: 20 series for each of many robots, at each scrape.
+        robots = robot_families(self._aggregator.model.robots, self._aggregator.now())
+        return self._fleet.text() + extensions + robots.encode()

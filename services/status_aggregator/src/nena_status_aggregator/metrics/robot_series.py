@@ -21,7 +21,7 @@ def labels_text(**labels: str) -> str:
     return ",".join(f'{name}="{value.translate(ESCAPES)}"' for name, value in labels.items())
 
 
-def head(name: str, kind: str, text: str) -> str:
+def head_lines(name: str, kind: str, text: str) -> str:
     """Format the head of a metric family; ``name`` is that of its samples."""
     return f"# HELP {name} {text}\n# TYPE {name} {kind}\n"
 
@@ -44,42 +44,26 @@ def of_state(name: str, text: str, value: Callable[[State, Timestamp], float | N
     return Series(name, "gauge", text, value)
 
 
-def _state_age(robot: Robot, now: Timestamp) -> float | None:
-    age = robot.state_age(now)
-    return None if age is None else round(age, 3)
-
-
-def _skew_of(robot: Robot, _: Timestamp) -> float | None:
-    seconds = robot.skew.seconds
+def _round_seconds(seconds: float | None) -> float | None:
     return None if seconds is None else round(seconds, 3)
 
 
-def _speed_of(robot: Robot, _: Timestamp) -> float | None:
-    speed = robot.velocity
-    return None if speed is None else hypot(speed.vx or 0.0, speed.vy or 0.0)
-
-
-def _is_localized(state: State, _: Timestamp) -> float | None:
-    at = state.mobile_robot_position
-    return None if at is None else int(at.localized)
-
-
-def _progress_of(robot: Robot, _: Timestamp) -> float | None:
-    return robot.progress.percent / 100 if robot.state and robot.state.order_id else None
-
-
-def _is_connected(robot: Robot, _: Timestamp) -> float | None:
-    known = robot.connection
-    return None if known is None else int(known.connection_state is ConnectionState.ONLINE)
-
-
 OF_ROBOT: tuple[Series[Robot], ...] = (
-    Series("nena_robot_connected", "gauge", "1 while the connection state is ONLINE.", _is_connected),
+    Series(
+        "nena_robot_connected",
+        "gauge",
+        "1 while the connection state is ONLINE.",
+        lambda robot, _: (
+            None
+            if robot.connection is None
+            else int(robot.connection.connection_state is ConnectionState.ONLINE)
+        ),
+    ),
     Series(
         "nena_robot_state_age_seconds",
         "gauge",
         "Time since the last state; absent before the first.",
-        _state_age,
+        lambda robot, now: _round_seconds(robot.state_age(now)),
     ),
     Series(
         "nena_robot_condition_age_seconds",
@@ -91,14 +75,21 @@ OF_ROBOT: tuple[Series[Robot], ...] = (
         "nena_robot_clock_skew_seconds",
         "gauge",
         "Robot clock minus aggregator clock.",
-        _skew_of,
+        lambda robot, _: _round_seconds(robot.skew.seconds),
     ),
-    Series("nena_robot_speed_meters_per_second", "gauge", "Speed over the ground, if reported.", _speed_of),
+    Series(
+        "nena_robot_speed_meters_per_second",
+        "gauge",
+        "Speed over the ground, if reported.",
+        lambda robot, _: (
+            hypot(robot.velocity.vx or 0.0, robot.velocity.vy or 0.0) if robot.velocity else None
+        ),
+    ),
     Series(
         "nena_robot_order_progress_ratio",
         "gauge",
         "Progress of the order by nodes, 0 to 1; absent without an order.",
-        _progress_of,
+        lambda robot, _: robot.progress.percent / 100 if robot.state and robot.state.order_id else None,
     ),
     Series(
         "nena_robot_distance_meters_total",
@@ -144,7 +135,11 @@ OF_STATE: tuple[Series[State], ...] = (
         "1 while the protective field is violated.",
         lambda state, _: int(state.safety_state.field_violation),
     ),
-    of_state("nena_robot_localized", "1 while the robot is localised.", _is_localized),
+    of_state(
+        "nena_robot_localized",
+        "1 while the robot is localised.",
+        lambda state, _: int(state.mobile_robot_position.localized) if state.mobile_robot_position else None,
+    ),
     of_state(
         "nena_robot_order_active",
         "1 while the robot has an active order.",
@@ -167,7 +162,9 @@ def robot_families(robots: Iterable[Robot], now: Timestamp) -> str:
     ]
     rows = [(robot, f"{{{labels}}} ") for robot, labels in labelled]
     states = [(robot.state, labels) for robot, labels in rows if robot.state is not None]
-    families = [_condition_lines(labelled)]
+    # Only the current condition: one series per robot, not one per robot and condition.
+    conditions = [f'{CONDITION}{{{labels},condition="{robot.condition}"}} 1\n' for robot, labels in labelled]
+    families = [head_lines(CONDITION, "gauge", CONDITION_TEXT), *conditions]
     families += [_family_lines(series, rows, now) for series in OF_ROBOT]
     families += [_family_lines(series, states, now) for series in OF_STATE]
     return "".join(families)
@@ -178,23 +175,18 @@ CONDITION_TEXT = "1 for the current condition; the others are absent."
 ROBOT_LABELS = ("manufacturer", "serial_number")
 
 
-def documented() -> Iterator[Metric[object]]:
+def documented_metrics() -> Iterator[Metric[object]]:
     """Yield each metric as the documentation lists it."""
     yield gauge(CONDITION, CONDITION_TEXT, lambda _: None, *ROBOT_LABELS, "condition")
-    heads = [(each.name, each.kind, each.text) for each in OF_ROBOT]
-    heads += [(each.name, each.kind, each.text) for each in OF_STATE]
+    heads = [(series.name, series.kind, series.text) for series in OF_ROBOT]
+    heads += [(series.name, series.kind, series.text) for series in OF_STATE]
     for name, kind, text in heads:
         yield Metric(name, MetricKind(kind), text, ROBOT_LABELS, lambda _: None)
-
-
-def _condition_lines(rows: list[tuple[Robot, str]]) -> str:
-    lines = [f'{CONDITION}{{{labels},condition="{robot.condition}"}} 1\n' for robot, labels in rows]
-    return head(CONDITION, "gauge", CONDITION_TEXT) + "".join(lines)
 
 
 def _family_lines(series: Series[S], rows: list[tuple[S, str]], now: Timestamp) -> str:
     name, value_of = series.name, series.value
     lines = [
-        f"{name}{labels}{value}\n" for each, labels in rows if (value := value_of(each, now)) is not None
+        f"{name}{labels}{value}\n" for source, labels in rows if (value := value_of(source, now)) is not None
     ]
-    return head(name, series.kind, series.text) + "".join(lines)
+    return head_lines(name, series.kind, series.text) + "".join(lines)
