@@ -7,7 +7,7 @@ import pytest
 
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.problem_types import DESCRIBED, Rejection
-from nena_status_aggregator.api.problems import ProblemError, as_json, found
+from nena_status_aggregator.api.problems import ProblemError, as_json, require
 
 
 @pytest.mark.parametrize(
@@ -46,13 +46,13 @@ async def test_internal_error_is_a_problem_without_details(
 
 
 def test_found_value_is_returned_even_if_empty() -> None:
-    assert found([], Rejection.NO_MAP, "nothing") == []
-    assert found(0, Rejection.NO_MAP, "nothing") == 0
+    assert require([], Rejection.NO_MAP, "nothing") == []
+    assert require(0, Rejection.NO_MAP, "nothing") == 0
 
 
 def test_missing_resource_is_a_problem_with_advice() -> None:
     with pytest.raises(ProblemError, match="Start one") as caught:
-        found(None, Rejection.NO_MAP, "Start one.")
+        require(None, Rejection.NO_MAP, "Start one.")
     assert caught.value.kind is Rejection.NO_MAP
 
 

@@ -9,7 +9,7 @@ from nena_shared.clock import iso
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.problem_types import Rejection
-from nena_status_aggregator.api.problems import as_json, found
+from nena_status_aggregator.api.problems import as_json, require
 from nena_status_aggregator.fleet.view_builder import view_known_actions
 from nena_status_aggregator.fleet.views import (
     JamView,
@@ -48,25 +48,27 @@ def make_robots_router(aggregator: Aggregator) -> APIRouter:
         aggregator.publish_changes()
         view = model.robot_view(RobotKey(manufacturer, serial))
         missing = f"Unknown robot {manufacturer}/{serial}; /api/v1/fleet lists all known robots."
-        return as_json(with_age(aggregator, found(view, Rejection.UNKNOWN_ROBOT, missing)))
+        return as_json(with_age(aggregator, require(view, Rejection.UNKNOWN_ROBOT, missing)))
 
     @router.get("/actions", responses={200: {"model": list[KnownActionView]}})
     async def actions(manufacturer: str, serial: str) -> Response:
         """Return the actions of a robot's factsheet, with their parameters."""
-        known = model.robots.get(RobotKey(manufacturer, serial))
+        robot_data = model.robots.get(RobotKey(manufacturer, serial))
         missing = f"No factsheet received from {manufacturer}/{serial}; request it with factsheetRequest."
         return as_json(
-            view_known_actions(found(known.factsheet if known else None, Rejection.NO_FACTSHEET, missing))
+            view_known_actions(
+                require(robot_data.factsheet if robot_data else None, Rejection.NO_FACTSHEET, missing)
+            )
         )
 
     @router.get("/map", response_class=Response)
     async def robot_map(manufacturer: str, serial: str) -> Response:
         """Return a robot's grid map as a PNG image; the robot's `grid` contains its pose."""
-        known = model.robots.get(RobotKey(manufacturer, serial))
+        robot_data = model.robots.get(RobotKey(manufacturer, serial))
         missing = (
             f"No map received from {manufacturer}/{serial}; NeNa's edge agent publishes the map of its Nav2."
         )
-        image = found(known.map if known else None, Rejection.NO_MAP, missing).png
+        image = require(robot_data.map if robot_data else None, Rejection.NO_MAP, missing).png
         return Response(image, media_type="image/png", headers={"cache-control": "no-cache"})
 
     return router
@@ -101,7 +103,7 @@ def make_router(aggregator: Aggregator) -> APIRouter:
         """Return the whole fleet: robots, orders, devices, plant model summary, broker connection."""
         aggregator.publish_changes()
         view = model.snapshot()
-        robots = [with_age(aggregator, each) for each in view["robots"]]
+        robots = [with_age(aggregator, robot_view) for robot_view in view["robots"]]
         time, share = iso(aggregator.now().utc), str(aggregator.share)
         return as_json({**view, "time": time, "share": share, "robots": robots})
 
@@ -124,7 +126,7 @@ def make_router(aggregator: Aggregator) -> APIRouter:
             "No plant model received. Start the order service with one, on the same broker and topic prefix."
         )
         return Response(
-            found(model.plant, Rejection.NO_PLANT_MODEL, missing).to_json(), media_type="application/json"
+            require(model.plant, Rejection.NO_PLANT_MODEL, missing).to_json(), media_type="application/json"
         )
 
     return router

@@ -76,20 +76,22 @@ def make_router(history: History | None) -> APIRouter:
     ) -> HistoryPage:
         """Return a page of events, newest first."""
         try:
-            entries = await kept(history).newest(chosen, before=before, limit=limit)
+            entries = await require_history(history).newest(chosen, before=before, limit=limit)
         except HistoryUnavailableError as error:
-            raise away() from error
+            raise history_unavailable() from error
         return {"entries": entries, "next": entries[-1]["id"] if len(entries) == limit else None}
 
     @router.get("/history.csv", response_class=StreamingResponse)
     async def csv(chosen: Wanted) -> StreamingResponse:
         """Export events as CSV (RFC 4180), oldest first."""
-        return await _stream_file(kept(history), chosen, as_csv, "text/csv; charset=utf-8", head=csv_head())
+        return await _stream_file(
+            require_history(history), chosen, as_csv, "text/csv; charset=utf-8", head=csv_head()
+        )
 
     @router.get("/history.jsonl", response_class=StreamingResponse)
     async def json_lines(chosen: Wanted) -> StreamingResponse:
         """Export events as JSON Lines, oldest first."""
-        return await _stream_file(kept(history), chosen, as_json_lines, "application/jsonl")
+        return await _stream_file(require_history(history), chosen, as_json_lines, "application/jsonl")
 
     return router
 
@@ -97,7 +99,7 @@ def make_router(history: History | None) -> APIRouter:
 NOTHING: list[HistoryEntry] = []
 
 
-def kept(history: History | None) -> History:
+def require_history(history: History | None) -> History:
     """Return the history; raise a 404 problem if it is disabled."""
     if history is None:
         detail = "The history is disabled. Set --history.url, e.g. to sqlite:///nena-history.db."
@@ -105,7 +107,7 @@ def kept(history: History | None) -> History:
     return history
 
 
-def away() -> ProblemError:
+def history_unavailable() -> ProblemError:
     """Return the problem that the database is unavailable."""
     detail = "History database unavailable; see the log of the status aggregator. Try again later."
     return ProblemError(Rejection.HISTORY_UNAVAILABLE, detail)
@@ -119,7 +121,7 @@ async def _stream_file(
     try:
         first = await anext(pages, NOTHING)
     except HistoryUnavailableError as error:
-        raise away() from error
+        raise history_unavailable() from error
 
     async def text() -> AsyncIterator[str]:
         yield head + form(first)

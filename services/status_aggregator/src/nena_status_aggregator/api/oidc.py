@@ -164,22 +164,24 @@ class SignIn:
             "code_verifier": attempt.verifier,
         }
         login = self._client_login(metadata, form)
-        status, given = await self._issuer.http.ask(
+        status, answer = await self._issuer.http.ask(
             "POST", _check_protected(metadata.token_endpoint), form, login
         )
         if status != HTTPStatus.OK:
             raise SignInError(
-                "refused", f"the issuer answered {str(given.get('error'))[:LOGGED_LENGTH]!r} ({status})"
+                "refused", f"the issuer answered {str(answer.get('error'))[:LOGGED_LENGTH]!r} ({status})"
             )
-        access, identity = given.get("access_token"), given.get("id_token")
+        access, identity = answer.get("access_token"), answer.get("id_token")
         if not isinstance(access, str) or not isinstance(identity, str):
             raise SignInError("unfit", "the issuer returned no access_token or no id_token")
         claims = await self._tokens.claims(identity, self._client)
         if not _is_same(str(claims.get("nonce")), attempt.nonce):
             raise SignInError("unfit", "the ID token belongs to another sign-in (nonce)")
+        # An ID token for several audiences names in azp the one that it was issued to.
         if claims.get("azp", self._client) != self._client:
             raise SignInError("unfit", "the ID token belongs to another client (azp)")
         user = await self._tokens.user_of(access)
+        # Else a stolen access token of somebody else could be slipped into this sign-in.
         if user.subject != claims["sub"]:
             raise SignInError("unfit", "access token and ID token belong to different users (sub)")
         return SignedIn(user, access)
@@ -219,8 +221,7 @@ def sign_in_of(tokens: Any) -> SignIn | None:  # noqa: ANN401 - AccessTokens; lo
 
 def _is_same(shown: str, kept: str) -> bool:
     """Compare in constant time; supports lone surrogates, which JSON may contain."""
-    one, other = (text.encode("utf-8", "surrogatepass") for text in (shown, kept))
-    return compare_digest(one, other)
+    return compare_digest(shown.encode("utf-8", "surrogatepass"), kept.encode("utf-8", "surrogatepass"))
 
 
 def _check_protected(place: str) -> str:

@@ -60,7 +60,7 @@ def install(app: FastAPI) -> None:
 T = TypeVar("T")
 
 
-def found(thing: T | None, kind: ProblemType, detail: str) -> T:
+def require(thing: T | None, kind: ProblemType, detail: str) -> T:
     """Return ``thing``; raise a problem of this kind with ``detail`` if it is None."""
     if thing is None:
         raise ProblemError(kind, detail)

@@ -62,7 +62,7 @@ class Receiving:
         self.receiver = RecordingReceiver(self.store, core)
 
     def get(self, payload: bytes, robot: RobotKey = ROBOT, *, retained: bool = False) -> None:
-        self.receiver.take(Inbound(TOPICS.recording_chunks(robot), payload, retained=retained))
+        self.receiver.queue_chunk(Inbound(TOPICS.recording_chunks(robot), payload, retained=retained))
 
 
 @pytest.fixture
@@ -83,7 +83,7 @@ async def test_each_chunk_is_stored_and_answered(receiving: Receiving) -> None:
     assert receiving.link.filters == ["nena/v1/robots/+/+/recordings/chunk"]
     assert (more.verdict, more.received) == (Verdict.MORE, 6)
     assert receiving.link.answers()[1].verdict is Verdict.COMPLETE
-    assert [each.path.read_bytes() for each in receiving.store.recordings()] == [whole]
+    assert [each.path.read_bytes() for each in receiving.store.list_recordings()] == [whole]
     assert not any(each.retain or each.keep for each in receiving.link.sent)
     assert (receiving.receiver.received, receiving.receiver.received_bytes) == (
         {"stored": 1, "refused": 0},
@@ -97,7 +97,7 @@ async def test_only_the_newest_chunk_of_a_robot_waits(receiving: Receiving) -> N
     receiving.get(chunk(b"another"), OTHER)
     await until(lambda: receiving.link.answers() and receiving.link.answers(OTHER))
 
-    assert {each.path.read_bytes() for each in receiving.store.recordings()} == {b"newer", b"another"}
+    assert {each.path.read_bytes() for each in receiving.store.list_recordings()} == {b"newer", b"another"}
 
 
 async def test_a_refused_file_is_answered_and_not_stored(receiving: Receiving) -> None:
@@ -106,7 +106,7 @@ async def test_a_refused_file_is_answered_and_not_stored(receiving: Receiving) -
 
     assert answer.verdict is Verdict.REFUSED
     assert "recordings.file_bytes" in answer.reason
-    assert receiving.store.recordings() == []
+    assert receiving.store.list_recordings() == []
     assert receiving.receiver.received == {"stored": 0, "refused": 1}
 
 
@@ -117,7 +117,7 @@ async def test_a_refused_file_is_answered_and_not_stored(receiving: Receiving) -
         lambda it: it.get(b""),
         lambda it: it.get(chunk(b"a"), retained=True),
         lambda it: it.get(chunk(b"a"), RobotKey("A" * 150, "r" * 100)),
-        lambda it: it.receiver.take(Inbound("nena/v1/robots/a/b/map", chunk(b"a"), retained=False)),
+        lambda it: it.receiver.queue_chunk(Inbound("nena/v1/robots/a/b/map", chunk(b"a"), retained=False)),
     ],
 )
 async def test_what_is_no_chunk_gets_no_answer(

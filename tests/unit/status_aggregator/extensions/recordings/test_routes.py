@@ -30,7 +30,7 @@ def store(tmp_path: Path) -> RecordingStore:
     made = RecordingStore(tmp_path, StoreLimits(9, 9, 10**6, 10**6))
     for serial, content in (("r1", b"first"), ("r2", b"second")):
         transfer = Transfer(NAME, len(content), sha256(content).hexdigest())
-        made.add(RobotKey("ACME", serial), transfer.chunk(content))
+        made.add_chunk(RobotKey("ACME", serial), transfer.chunk(content))
     return made
 
 

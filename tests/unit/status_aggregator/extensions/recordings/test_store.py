@@ -34,27 +34,27 @@ def send(
     transfer = sender(content, name)
     while transfer.end is None:
         data = content[transfer.offset : transfer.offset + PART]
-        assert transfer.take(store.add(robot, transfer.chunk(data)))
+        assert transfer.take(store.add_chunk(robot, transfer.chunk(data)))
     return transfer.end
 
 
 def test_a_file_appears_when_it_is_complete(tmp_path: Path) -> None:
     store, transfer = RecordingStore(tmp_path, LIMITS), sender()
-    transfer.take(store.add(ROBOT, transfer.chunk(CONTENT[:PART])))
-    assert store.recordings() == []
-    assert store.find(ROBOT, NAME) is None
+    transfer.take(store.add_chunk(ROBOT, transfer.chunk(CONTENT[:PART])))
+    assert store.list_recordings() == []
+    assert store.find_file(ROBOT, NAME) is None
 
     assert send(store).verdict is Verdict.COMPLETE
-    (found,) = store.recordings()
+    (found,) = store.list_recordings()
     assert (found.robot, found.name, found.size) == (ROBOT, NAME, len(CONTENT))
     assert found.path.read_bytes() == CONTENT
-    assert store.find(ROBOT, NAME) == found.path
+    assert store.find_file(ROBOT, NAME) == found.path
 
 
 def test_a_file_that_is_sent_again_is_complete_at_once(tmp_path: Path) -> None:
     store = RecordingStore(tmp_path, LIMITS)
     send(store)
-    assert store.add(ROBOT, sender().chunk(CONTENT[:PART])).verdict is Verdict.COMPLETE
+    assert store.add_chunk(ROBOT, sender().chunk(CONTENT[:PART])).verdict is Verdict.COMPLETE
 
 
 @given(st.integers(0, 2**32))
@@ -67,7 +67,7 @@ def test_loss_repetition_and_restarts_of_both_sides_do_no_harm(tmp_path: Path, s
     for _ in range(2000):
         chunk = transfer.chunk(CONTENT[transfer.offset : transfer.offset + PART])
         for _ in range(chance.choice((0, 1, 1, 2))):
-            answer = store.add(ROBOT, chunk)
+            answer = store.add_chunk(ROBOT, chunk)
             late += [answer] * chance.choice((0, 1, 1, 2))
         while late and chance.random() < 0.7:
             transfer.take(late.pop(chance.randrange(len(late))))
@@ -79,12 +79,12 @@ def test_loss_repetition_and_restarts_of_both_sides_do_no_harm(tmp_path: Path, s
             store = RecordingStore(folder, LIMITS)
     assert transfer.end is not None
     assert transfer.end.verdict is Verdict.COMPLETE
-    assert [each.path.read_bytes() for each in store.recordings()] == [CONTENT]
+    assert [each.path.read_bytes() for each in store.list_recordings()] == [CONTENT]
 
 
 def test_a_wrong_checksum_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
     store, transfer = RecordingStore(tmp_path, LIMITS), Transfer(NAME, 4, "0" * 64)
-    answer = store.add(ROBOT, transfer.chunk(b"data"))
+    answer = store.add_chunk(ROBOT, transfer.chunk(b"data"))
 
     assert (answer.verdict, answer.reason) == (Verdict.REFUSED, "the checksum is wrong")
     assert [each for each in tmp_path.rglob("*") if each.is_file()] == []
@@ -92,23 +92,27 @@ def test_a_wrong_checksum_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
 
 def test_too_large_files_and_other_files_of_the_same_name_are_refused(tmp_path: Path) -> None:
     store = RecordingStore(tmp_path, LIMITS)
-    assert "recordings.file_bytes" in store.add(ROBOT, Transfer(NAME, 50_001, "0" * 64).chunk(b"x")).reason
+    assert (
+        "recordings.file_bytes" in store.add_chunk(ROBOT, Transfer(NAME, 50_001, "0" * 64).chunk(b"x")).reason
+    )
     send(store)
-    assert store.add(ROBOT, sender(b"other").chunk(b"other")).reason == "another file of this name exists"
+    assert (
+        store.add_chunk(ROBOT, sender(b"other").chunk(b"other")).reason == "another file of this name exists"
+    )
 
 
 def test_the_beginning_of_another_file_discards_what_was_not_completed(tmp_path: Path) -> None:
     store, transfer = RecordingStore(tmp_path, LIMITS), sender(name="1.mcap")
-    store.add(ROBOT, transfer.chunk(CONTENT[:PART]))
-    store.add(ROBOT, sender(name="2.mcap").chunk(CONTENT[:PART]))
+    store.add_chunk(ROBOT, transfer.chunk(CONTENT[:PART]))
+    store.add_chunk(ROBOT, sender(name="2.mcap").chunk(CONTENT[:PART]))
 
     assert len(list(tmp_path.rglob("*.part"))) == 1
-    assert store.add(ROBOT, transfer.chunk(CONTENT[:PART])).received == PART
+    assert store.add_chunk(ROBOT, transfer.chunk(CONTENT[:PART])).received == PART
 
 
 def named(store: RecordingStore, robot: RobotKey, number: int, content: bytes = b"x") -> None:
     send(store, content, f"{number:03d}.mcap", robot)
-    path = store.find(robot, f"{number:03d}.mcap")
+    path = store.find_file(robot, f"{number:03d}.mcap")
     assert path is not None
     os.utime(path, (number, number))
 
@@ -117,11 +121,11 @@ def test_the_oldest_files_of_a_robot_go_first_then_those_of_all(tmp_path: Path) 
     store, other = RecordingStore(tmp_path, LIMITS), RobotKey("ACME", "r2")
     for number in range(1, 5):
         named(store, ROBOT, number)
-    assert [each.name for each in store.recordings()] == ["004.mcap", "003.mcap", "002.mcap"]
+    assert [each.name for each in store.list_recordings()] == ["004.mcap", "003.mcap", "002.mcap"]
 
     for number in (11, 12, 13):
         named(store, other, number)
-    assert [each.name for each in store.recordings()] == [
+    assert [each.name for each in store.list_recordings()] == [
         "013.mcap",
         "012.mcap",
         "011.mcap",
@@ -135,7 +139,7 @@ def test_the_size_of_all_files_is_limited(tmp_path: Path) -> None:
     for number in (1, 2, 3):
         named(store, RobotKey("ACME", str(number)), number, bytes(40_000))
 
-    assert [each.name for each in store.recordings()] == ["003.mcap", "002.mcap"]
+    assert [each.name for each in store.list_recordings()] == ["003.mcap", "002.mcap"]
 
 
 @pytest.mark.parametrize("robot", [("..", ".."), ("a.b", "c.d"), ("ä ö", "*?"), ("~", "%2E"), ("", "x")])
@@ -144,10 +148,10 @@ def test_any_name_of_a_robot_stays_within_the_folder(tmp_path: Path, robot: tupl
     store, key = RecordingStore(folder, LIMITS), RobotKey(*robot)
     send(store, robot=key)
 
-    assert [(each.robot, each.path.parent.parent) for each in store.recordings()] == [(key, folder)]
-    assert store.find(key, "../../etc/passwd") is None
+    assert [(each.robot, each.path.parent.parent) for each in store.list_recordings()] == [(key, folder)]
+    assert store.find_file(key, "../../etc/passwd") is None
 
 
 def test_a_name_too_long_for_a_folder_is_refused(tmp_path: Path) -> None:
-    answer = RecordingStore(tmp_path, LIMITS).add(RobotKey("ä" * 60, "x"), sender().chunk(b"x"))
+    answer = RecordingStore(tmp_path, LIMITS).add_chunk(RobotKey("ä" * 60, "x"), sender().chunk(b"x"))
     assert answer.verdict is Verdict.REFUSED

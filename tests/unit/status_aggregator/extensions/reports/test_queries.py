@@ -11,7 +11,7 @@ import pytest
 from sqlalchemy import Engine, insert
 
 from nena_status_aggregator.extensions.reports import queries as report_queries
-from nena_status_aggregator.extensions.reports.queries import TooManyEntriesError, compute
+from nena_status_aggregator.extensions.reports.queries import TooManyEntriesError, compute_report
 from nena_status_aggregator.extensions.reports.report import Report
 from nena_status_aggregator.fleet.events import Code, Event
 from nena_status_aggregator.history import database
@@ -36,7 +36,7 @@ def shift(engine: Engine) -> Engine:
 
 
 def report(engine: Engine, since: datetime = SIX, until: datetime = EIGHT) -> Report:
-    return compute(engine, database.milliseconds(since), database.milliseconds(until))
+    return compute_report(engine, database.milliseconds(since), database.milliseconds(until))
 
 
 def conditions(found: Report) -> dict[str, dict[str, float]]:

@@ -9,7 +9,7 @@ from nena_status_aggregator.extensions.reports.report import (
     Link,
     Outage,
     Report,
-    outages,
+    find_outages,
     report_csv,
     utilisation,
 )
@@ -70,23 +70,25 @@ def down(time: int) -> Link:
 
 def test_lost_connection_is_an_outage_until_it_is_back() -> None:
     first = up(0, started=True)
-    assert outages([first, down(10), up(20, before=15)], END) == [Outage(10, 20, restart=False)]
-    assert outages([first, down(10)], END) == [Outage(10, END, restart=False)]
-    assert outages([first, down(10), down(12), up(20)], END) == [Outage(10, 20, restart=False)]
+    assert find_outages([first, down(10), up(20, before=15)], END) == [Outage(10, 20, restart=False)]
+    assert find_outages([first, down(10)], END) == [Outage(10, END, restart=False)]
+    assert find_outages([first, down(10), down(12), up(20)], END) == [Outage(10, 20, restart=False)]
 
 
 def test_killed_run_ends_with_its_last_event() -> None:
     first = up(0, started=True)
-    assert outages([first, up(50, before=30, started=True)], END) == [Outage(30, 50, restart=True)]
-    assert outages([first, up(50, before=30)], END) == [Outage(30, 50, restart=True)], "earlier releases"
-    assert outages([first, down(10), up(50, before=30, started=True)], END) == [Outage(10, 50, restart=True)]
+    assert find_outages([first, up(50, before=30, started=True)], END) == [Outage(30, 50, restart=True)]
+    assert find_outages([first, up(50, before=30)], END) == [Outage(30, 50, restart=True)], "earlier releases"
+    assert find_outages([first, down(10), up(50, before=30, started=True)], END) == [
+        Outage(10, 50, restart=True)
+    ]
 
 
 def test_longest_outages_are_kept() -> None:
     links = [up(0, started=True)]
     for number in range(OUTAGES_KEPT + 1):
         links += [down(1000 * number), up(1000 * number + number + 1)]
-    kept = outages(links, 10**9)
+    kept = find_outages(links, 10**9)
     assert len(kept) == OUTAGES_KEPT
     assert kept[0].begin == 1000
 

@@ -34,9 +34,9 @@ class RecordingReceiver:
         """Number of files by outcome, since the start."""
         self.received_bytes = 0
         """Size of the stored ones."""
-        core.subscribe(core.topics.all_recording_chunks, self.take)
+        core.subscribe(core.topics.all_recording_chunks, self.queue_chunk)
 
-    def take(self, message: Inbound) -> None:
+    def queue_chunk(self, message: Inbound) -> None:
         """Queue a chunk for the disk."""
         robot = self._core.topics.robot_of_chunk(message.topic)
         if robot is None or message.retained or not message.payload or not self._core.share.has(robot):
@@ -64,7 +64,7 @@ class RecordingReceiver:
             log.warning("unreadable recording", robot=str(robot), reason=str(error))
             return
         try:
-            answer = await asyncio.to_thread(self.store.add, robot, chunk)
+            answer = await asyncio.to_thread(self.store.add_chunk, robot, chunk)
         except OSError as error:
             if not self._failing:
                 log.error("recordings cannot be stored; robots retry", reason=str(error))  # noqa: TRY400

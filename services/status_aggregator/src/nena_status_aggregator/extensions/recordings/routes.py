@@ -13,7 +13,7 @@ from typing_extensions import TypedDict
 from nena_shared.clock import iso
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.api.problem_types import Rejection
-from nena_status_aggregator.api.problems import found
+from nena_status_aggregator.api.problems import require
 from nena_status_aggregator.extensions.recordings.store import RecordingStore
 
 DISABLED = "Recordings are disabled. Set recordings.enabled to true."
@@ -39,16 +39,18 @@ def make_router(store: RecordingStore | None) -> APIRouter:
         ] = None,
     ) -> list[RecordingView]:
         """Return the recordings of all robots or of one, newest first."""
-        stored = await asyncio.to_thread(found(store, Rejection.RECORDINGS_DISABLED, DISABLED).recordings)
+        stored = await asyncio.to_thread(
+            require(store, Rejection.RECORDINGS_DISABLED, DISABLED).list_recordings
+        )
         return [
             {
-                "robot": str(each.robot),
-                "name": each.name,
-                "size": each.size,
-                "received": iso(datetime.fromtimestamp(each.received, UTC)),
+                "robot": str(file.robot),
+                "name": file.name,
+                "size": file.size,
+                "received": iso(datetime.fromtimestamp(file.received, UTC)),
             }
-            for each in stored
-            if robot in (None, str(each.robot))
+            for file in stored
+            if robot in (None, str(file.robot))
         ]
 
     @router.get("/{manufacturer}/{serial}/{name}", response_class=FileResponse)
@@ -56,13 +58,13 @@ def make_router(store: RecordingStore | None) -> APIRouter:
         """Return a file: MCAP, which Foxglove opens, or the text of a log report."""
         robot = RobotKey(manufacturer, serial)
         path = await asyncio.to_thread(
-            found(store, Rejection.RECORDINGS_DISABLED, DISABLED).find, robot, name
+            require(store, Rejection.RECORDINGS_DISABLED, DISABLED).find_file, robot, name
         )
         missing = f"No recording {name} of {robot}; /api/v1/recordings lists all. The oldest are removed."
         is_text = name.endswith(".log")
         media_type = "text/plain; charset=utf-8" if is_text else "application/octet-stream"
         return FileResponse(
-            found(path, Rejection.UNKNOWN_RECORDING, missing), media_type=media_type, filename=name
+            require(path, Rejection.UNKNOWN_RECORDING, missing), media_type=media_type, filename=name
         )
 
     return router

@@ -50,10 +50,8 @@ class RecordingStore:
         self._folder = folder
         self._limits = limits
 
-    def add(self, robot: RobotKey, chunk: Chunk) -> Answer:
+    def add_chunk(self, robot: RobotKey, chunk: Chunk) -> Answer:
         """Store a chunk if it is the next one of its file; return the answer for the robot.
-
-        A robot's file that was begun earlier and is not complete is discarded when it begins another one.
 
         Raises:
             OSError: the disk fails; the robot repeats the chunk.
@@ -70,8 +68,9 @@ class RecordingStore:
             return Answer(name=header.name, verdict=Verdict.MORE, received=have)
         if have == 0:
             place.mkdir(parents=True, exist_ok=True)
-            for other in place.glob(f"*{UNFINISHED}"):
-                other.unlink(missing_ok=True)
+            # A robot sends one file at a time; it gave up one that it began before and never completed.
+            for unfinished in place.glob(f"*{UNFINISHED}"):
+                unfinished.unlink(missing_ok=True)
         with part.open("ab") as file:
             file.write(chunk.data)
         have += len(chunk.data)
@@ -100,17 +99,17 @@ class RecordingStore:
         self._remove_oldest(target.parent)
         return Answer(name=target.name, verdict=Verdict.COMPLETE, received=chunk.header.size)
 
-    def recordings(self) -> list[StoredRecording]:
+    def list_recordings(self) -> list[StoredRecording]:
         """Return all complete files, newest first."""
-        found = [
-            StoredRecording(robot, each.path.name, each.size, each.written, each.path)
+        recordings = [
+            StoredRecording(robot, file.path.name, file.size, file.written, file.path)
             for robot, place in self._all_folders()
-            for each in files_in(place)
-            if FILE_NAME.fullmatch(each.path.name)
+            for file in files_in(place)
+            if FILE_NAME.fullmatch(file.path.name)
         ]
-        return sorted(found, key=lambda each: (each.received, each.name), reverse=True)
+        return sorted(recordings, key=lambda recording: (recording.received, recording.name), reverse=True)
 
-    def find(self, robot: RobotKey, name: str) -> Path | None:
+    def find_file(self, robot: RobotKey, name: str) -> Path | None:
         """Return the path of a complete file, None if there is none."""
         path = self._folder_of(robot) / name
         return path if FILE_NAME.fullmatch(name) and path.is_file() else None
@@ -120,8 +119,8 @@ class RecordingStore:
         limits = self._limits
         own = [file for file in files_in(place) if FILE_NAME.fullmatch(file.path.name)]
         self._remove_files(excess(own, keep=limits.robot_files, keep_bytes=limits.total_bytes))
-        every = [each for _, other in self._all_folders() for each in files_in(other)]
-        every.sort(key=lambda each: each.written)
+        every = [file for _, folder in self._all_folders() for file in files_in(folder)]
+        every.sort(key=lambda file: file.written)
         self._remove_files(excess(every, keep=limits.files, keep_bytes=limits.total_bytes))
 
     def _remove_files(self, files: list[StoredFile]) -> None:
@@ -131,15 +130,12 @@ class RecordingStore:
                 file.path.parent.rmdir()
 
     def _folder_of(self, robot: RobotKey) -> Path:
-        return self._folder / SEPARATOR.join(_folder_level(each) for each in robot)
+        # Letters, digits, - and _ stay; a dot would be taken for the separator, so it is encoded, too.
+        levels = (quote(name, safe="").replace(".", "%2E").replace("~", "%7E") for name in robot)
+        return self._folder / SEPARATOR.join(levels)
 
     def _all_folders(self) -> Iterator[tuple[RobotKey, Path]]:
         for path in self._folder.glob(f"*{SEPARATOR}*"):
-            parts = [unquote(each) for each in path.name.split(SEPARATOR)]
+            parts = [unquote(level) for level in path.name.split(SEPARATOR)]
             if path.is_dir() and len(parts) == len(RobotKey._fields):
                 yield RobotKey(*parts), path
-
-
-def _folder_level(name: str) -> str:
-    """Return a part of a folder's name: letters, digits, - and _ stay, all others are percent-encoded."""
-    return quote(name, safe="").replace(".", "%2E").replace("~", "%7E")

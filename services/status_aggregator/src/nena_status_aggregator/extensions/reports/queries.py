@@ -6,7 +6,7 @@ A report reads at most ENTRIES_LIMIT entries; the rest of the history is reached
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import timedelta
 from math import ceil
@@ -49,7 +49,7 @@ from nena_status_aggregator.extensions.reports.report import (
     Report,
     RobotFigures,
     WaitFigures,
-    outages,
+    find_outages,
     utilisation,
 )
 from nena_status_aggregator.fleet.condition import Condition
@@ -139,13 +139,13 @@ class Period:
         """The values of events."""
         return Values(self.connection.dialect, event_table)
 
-    def has(self, *codes: str) -> ColumnElement[bool]:
+    def has_codes(self, *codes: str) -> ColumnElement[bool]:
         """Return the condition for events of these kinds in the range."""
         table = event_table.c
         return and_(table.code.in_(codes), table.time >= self.since, table.time < self.until)
 
 
-def compute(engine: Engine, since: int, until: int) -> Report:
+def compute_report(engine: Engine, since: int, until: int) -> Report:
     """Compute the report of a time range, ms since 1970.
 
     Raises:
@@ -155,45 +155,37 @@ def compute(engine: Engine, since: int, until: int) -> Report:
     """
     with engine.connect() as connection:
         period = Period(connection, since, until)
-        _limit_entries(period)
-        begin = _recorded_since(period)
-        down = outages(_connection_changes(period), until)
-        recorded = 0 if begin is None else until - begin - sum(each.within(begin, until) for each in down)
+        # Counts at most one entry more than the limit: the whole range may have many millions.
+        entries = select(literal(1).label("one")).where(period.has_codes(*CODES)).limit(ENTRIES_LIMIT + 1)
+        number = connection.execute(select(func.count()).select_from(entries.subquery())).scalar_one()
+        if number > ENTRIES_LIMIT:
+            raise TooManyEntriesError
+        # The history begins with its oldest entry; None: no part of it is in the range.
+        oldest = connection.execute(select(func.min(event_table.c.time))).scalar()
+        begin = None if oldest is None or oldest >= until else max(since, int(oldest))
+        down = find_outages(_connection_changes(period), until)
+        recorded = 0 if begin is None else until - begin - sum(outage.within(begin, until) for outage in down)
         robots, waits = _figures_by_robot(period, down)
+        dropped = select(func.sum(period.values.number("dropped"))).where(
+            period.has_codes(Code.HISTORY_GAP.value)
+        )
+        total: dict[str, float] = defaultdict(float)
+        for robot in robots:
+            for condition, seconds in robot["conditions"].items():
+                total[condition] += seconds
         return {
             "since": iso_of(since),
             "until": iso_of(until),
             "recordedSince": None if begin is None else iso_of(begin),
             "recordedSeconds": max(0, recorded) / 1000,
-            "missing": _missing_entries(period),
+            "missing": int(connection.execute(dropped).scalar() or 0),
             "orders": _order_figures(period, begin, max(0, recorded)),
-            "utilisation": utilisation(_total_seconds(robot["conditions"] for robot in robots)),
+            "utilisation": utilisation(total),
             "robots": robots,
             "waiting": waits.by_cause(),
             "waitingPlaces": waits.by_place(),
             "failures": _failures_by_cause(period),
         }
-
-
-def _limit_entries(period: Period) -> None:
-    some = select(literal(1).label("one")).where(period.has(*CODES)).limit(ENTRIES_LIMIT + 1).subquery()
-    if period.connection.execute(select(func.count()).select_from(some)).scalar_one() > ENTRIES_LIMIT:
-        raise TooManyEntriesError
-
-
-def _recorded_since(period: Period) -> int | None:
-    """Return the start of the history within the range; None if it has no part in it."""
-    first = select(func.min(event_table.c.time))
-    oldest = period.connection.execute(first).scalar()
-    if oldest is None or oldest >= period.until:
-        return None
-    return max(period.since, int(oldest))
-
-
-def _missing_entries(period: Period) -> int:
-    dropped = func.sum(period.values.number("dropped"))
-    query = select(dropped).where(period.has(Code.HISTORY_GAP.value))
-    return int(period.connection.execute(query).scalar() or 0)
 
 
 def _connection_changes(period: Period) -> list[Link]:
@@ -207,12 +199,14 @@ def _connection_changes(period: Period) -> list[Link]:
         values.truth("started").label("started"),
         previous.scalar_subquery().label("before"),
     ).where(table.code == Code.LINK.value)
-    before = query.where(table.time < period.since).order_by(table.time.desc(), table.id.desc()).limit(1)
+    earlier_change = (
+        query.where(table.time < period.since).order_by(table.time.desc(), table.id.desc()).limit(1)
+    )
     inside = query.where(table.time >= period.since, table.time < period.until)
-    after = query.where(table.time >= period.until).order_by(table.time, table.id).limit(1)
+    later_change = query.where(table.time >= period.until).order_by(table.time, table.id).limit(1)
     rows = [
         row
-        for part in (before, inside.order_by(table.time, table.id), after)
+        for part in (earlier_change, inside.order_by(table.time, table.id), later_change)
         for row in period.connection.execute(part)
     ]
     return [Link(row.time, bool(row.connected), bool(row.started), row.before) for row in rows]
@@ -227,7 +221,7 @@ class Waits:
     robots: dict[str, set[str]] = field(default_factory=lambda: defaultdict(set))
     """Robots that waited, by place."""
 
-    def add(self, robot: str, cause: str, place: str | None, spent: int) -> None:
+    def add_wait(self, robot: str, cause: str, place: str | None, spent: int) -> None:
         """Count a wait."""
         self.causes[cause] += spent
         if place is not None and spent:
@@ -247,7 +241,7 @@ class Waits:
 
 
 def _longest_first(times: dict[str, int]) -> list[tuple[str, int]]:
-    return sorted(times.items(), key=lambda each: -each[1])
+    return sorted(times.items(), key=lambda item: -item[1])
 
 
 def _figures_by_robot(period: Period, down: Sequence[Outage]) -> tuple[list[RobotFigures], Waits]:
@@ -255,7 +249,7 @@ def _figures_by_robot(period: Period, down: Sequence[Outage]) -> tuple[list[Robo
     waits = Waits()
     spent = _time_spent(period, down)
     waiting = spent.c.condition == Condition.WAITING.value
-    cause, place = (case((waiting, each)).label(each.name) for each in (spent.c.cause, spent.c.place))
+    cause, place = (case((waiting, column)).label(column.name) for column in (spent.c.cause, spent.c.place))
     split = select(spent.c.robot, spent.c.condition, cause, place, spent.c.spent).subquery()
     groups = split.c.robot, split.c.condition, split.c.cause, split.c.place
     query = select(*groups, func.sum(split.c.spent)).group_by(*groups)
@@ -263,7 +257,7 @@ def _figures_by_robot(period: Period, down: Sequence[Outage]) -> tuple[list[Robo
         seconds = int(total) / 1000
         conditions[robot][condition] = round(conditions[robot].get(condition, 0.0) + seconds, 3)
         if condition == Condition.WAITING:
-            waits.add(robot, cause_code, place_name, int(total))
+            waits.add_wait(robot, cause_code, place_name, int(total))
     distances, charges = _distances_by_robot(period), _charges_by_robot(period)
     robots = [
         _robot_figures(name, conditions.get(name, {}), distances.get(name), charges.get(name))
@@ -321,8 +315,9 @@ def _condition_changes(period: Period) -> Subquery:
         values.text("reason").label("cause"),
         func.coalesce(values.text("at"), values.text("next")).label("place"),  # next: waiting for its release
     )
-    before = select(*columns).join(last, last.c.id == table.id)
-    return union_all(before, select(*columns).where(period.has(*CONDITION_CODES))).subquery("changes")
+    # Without the change before the range, a robot that stands all day would have no condition in it.
+    earlier = select(*columns).join(last, last.c.id == table.id)
+    return union_all(earlier, select(*columns).where(period.has_codes(*CONDITION_CODES))).subquery("changes")
 
 
 def _time_spent(period: Period, down: Sequence[Outage]) -> Subquery:
@@ -339,30 +334,33 @@ def _time_spent(period: Period, down: Sequence[Outage]) -> Subquery:
         func.lead(placed.c.up).over(**robots).label("next_up"),
     ).subquery("steps")
 
-    def up(time: int) -> int:
-        return time - sum(each.within(each.begin, time) for each in down)
+    def up_time(time: int) -> int:
+        return time - sum(outage.within(outage.begin, time) for outage in down)
 
     columns = steps.c
     begin, end = _limit_to_range(
         columns.time, (columns.next_time, columns.cut_time), period.since, period.until
     )
     begin_up, end_up = _limit_to_range(
-        columns.up, (columns.next_up, columns.cut_up), up(period.since), up(period.until)
+        columns.up, (columns.next_up, columns.cut_up), up_time(period.since), up_time(period.until)
     )
-    known = and_(columns.condition.is_not(None), end > begin)
+    has_condition = and_(columns.condition.is_not(None), end > begin)
     parts = select(
         columns.robot, columns.condition, columns.cause, columns.place, (end_up - begin_up).label("spent")
     )
-    return parts.where(known).subquery("spent")
+    return parts.where(has_condition).subquery("spent")
 
 
 def _limit_to_range(
     begin: ColumnElement[Any], ends: Sequence[ColumnElement[Any]], since: int, until: int
 ) -> tuple[ColumnElement[Any], ColumnElement[Any]]:
     """Return the begin and the first end (null: none), both within the range."""
-    first, last = literal(since, BigInteger), literal(until, BigInteger)
-    one, other = (func.coalesce(end, last) for end in ends)
-    return _greater_of(begin, first), _lesser_of(_lesser_of(one, other), last)
+    first: ColumnElement[Any] = literal(since, BigInteger)
+    last: ColumnElement[Any] = literal(until, BigInteger)
+    for end in ends:
+        # SQLite names the lesser of two min, PostgreSQL least; both know case.
+        last = case((end < last, end), else_=last)  # a null end is not less
+    return case((begin > first, begin), else_=first), last
 
 
 def _place_outages(changes: Subquery, down: Sequence[Outage]) -> Subquery:
@@ -370,10 +368,12 @@ def _place_outages(changes: Subquery, down: Sequence[Outage]) -> Subquery:
     columns = ("id", "robot", "time", "condition", "cause", "place")
     marks: list[list[ColumnElement[Any]]] = []
     lost = 0
-    for each in sorted(down, key=lambda each: (each.begin, each.end)):
-        cut = (each.begin, each.begin - lost) if each.restart else (None, None)
-        marks += [_outage_mark(each.begin, -each.begin, 1), _outage_mark(each.end, each.end, -1, *cut)]
-        lost += each.end - each.begin
+    for outage in sorted(down, key=lambda outage: (outage.begin, outage.end)):
+        begin, end = outage.begin, outage.end
+        # A restarted aggregator does not know the conditions of before; they end where it was stopped.
+        cut = (begin, begin - lost) if outage.restart else (None, None)
+        marks += [_outage_mark(begin, -begin, 1), _outage_mark(end, end, -1, *cut)]
+        lost += end - begin
     rows = union_all(
         select(*(changes.c[name] for name in columns), *_mark_values(1)), *(select(*mark) for mark in marks)
     ).subquery("rows")
@@ -409,21 +409,13 @@ def _mark_values(
     return [cast(literal(value, BigInteger), BigInteger).label(name) for name, value in values.items()]
 
 
-def _lesser_of(one: ColumnElement[Any], other: ColumnElement[Any]) -> ColumnElement[Any]:
-    return case((one < other, one), else_=other)
-
-
-def _greater_of(one: ColumnElement[Any], other: ColumnElement[Any]) -> ColumnElement[Any]:
-    return case((one > other, one), else_=other)
-
-
 def _distances_by_robot(period: Period) -> dict[str, tuple[float | None, float | None]]:
     """Return the distance of each robot's ended orders and its part without a load, m."""
     robot, values = event_table.c.robot, period.values
     trips = select(
         robot, values.number("distance").label("distance"), values.number("emptyDistance").label("empty")
     )
-    part = trips.where(period.has(Code.ORDER_ENDED.value)).subquery()
+    part = trips.where(period.has_codes(Code.ORDER_ENDED.value)).subquery()
     distance, empty = part.c.distance, part.c.empty
     query = select(
         part.c.robot, func.sum(distance), case((func.count(empty) == func.count(distance), func.sum(empty)))
@@ -437,7 +429,7 @@ def _distances_by_robot(period: Period) -> dict[str, tuple[float | None, float |
 def _charges_by_robot(period: Period) -> dict[str, tuple[int, float | None]]:
     """Return how often each robot started to charge, and its mean charge then, percent."""
     values = period.values
-    begun = period.has(Code.CHARGING.value), values.truth("charging") == 1
+    begun = period.has_codes(Code.CHARGING.value), values.truth("charging") == 1
     part = select(event_table.c.robot, values.number("charge").label("charge")).where(*begun).subquery()
     query = select(part.c.robot, func.count(), func.avg(part.c.charge)).group_by(part.c.robot)
     return {name: (count, _round_value(charge)) for name, count, charge in period.connection.execute(query)}
@@ -467,7 +459,7 @@ def _ended_orders(period: Period) -> Subquery:
             values.truth("automatic").label("automatic"),
             values.truth("gaveWay").label("gave_way"),
         )
-        .where(period.has(Code.TRANSPORT_ORDER.value))
+        .where(period.has_codes(Code.TRANSPORT_ORDER.value))
         .subquery("order_events")
     )
     repetition = func.row_number().over(partition_by=events.c.order_name, order_by=events.c.id)
@@ -534,9 +526,9 @@ def _failures_by_cause(period: Period) -> list[FailureFigures]:
     table, values, orders = event_table.c, period.values, _ended_orders(period)
     status, state = values.text("status"), values.text("state")
     action = func.coalesce(values.text("actionType"), values.text("actionId"))
-    errors = period.has(Code.ERROR_RAISED.value)
-    actions = period.has(Code.ACTION_ENDED.value), status == ActionStatus.FAILED.value
-    connections = period.has(Code.CONNECTION.value), state == ConnectionState.CONNECTION_BROKEN.value
+    errors = period.has_codes(Code.ERROR_RAISED.value)
+    actions = period.has_codes(Code.ACTION_ENDED.value), status == ActionStatus.FAILED.value
+    connections = period.has_codes(Code.CONNECTION.value), state == ConnectionState.CONNECTION_BROKEN.value
     parts = {
         FailureKind.ERROR: _select_failures(
             values.text("errorType"), robot=table.robot, level=values.text("errorLevel")
@@ -547,8 +539,8 @@ def _failures_by_cause(period: Period) -> list[FailureFigures]:
             orders.c.state.in_(NOT_FINISHED)
         ),
     }
-    found = [each for kind, part in parts.items() for each in _most_frequent(period, kind, part)]
-    return sorted(found, key=lambda each: -each["count"])
+    failures = [row for kind, part in parts.items() for row in _most_frequent(period, kind, part)]
+    return sorted(failures, key=lambda failure: -failure["count"])
 
 
 def _select_failures(
@@ -559,11 +551,11 @@ def _select_failures(
     level: ColumnElement[Any] | None = None,
 ) -> Select[Any]:
     """Select failures; what is not given is null."""
-    given = {"robot": robot, "vehicle": vehicle, "cause": cause, "level": level}
+    columns = {"robot": robot, "vehicle": vehicle, "cause": cause, "level": level}
     return select(
         *(
-            cast(null(), Text).label(name) if each is None else each.label(name)
-            for name, each in given.items()
+            cast(null(), Text).label(name) if column is None else column.label(name)
+            for name, column in columns.items()
         )
     )
 
@@ -584,11 +576,3 @@ def _most_frequent(period: Period, kind: FailureKind, part: Select[Any]) -> list
         }
         for robot, vehicle, cause, level, times in period.connection.execute(query)
     ]
-
-
-def _total_seconds(conditions: Iterable[dict[str, float]]) -> dict[str, float]:
-    total: dict[str, float] = {}
-    for each in conditions:
-        for condition, seconds in each.items():
-            total[condition] = total.get(condition, 0.0) + seconds
-    return total

@@ -162,32 +162,32 @@ OUTAGES_KEPT = 200
 """Maximum number of outages that a report considers, the longest ones; bounds the cost of its queries."""
 
 
-def outages(links: Sequence[Link], until: int) -> list[Outage]:
-    """Return the outages between these connection changes, oldest first, and after the last one.
-
-    A run that was killed has no end in the history: it ends with the last event before the next run.
-    """
-    found: list[Outage] = []
+def find_outages(links: Sequence[Link], until: int) -> list[Outage]:
+    """Return the outages between these connection changes, oldest first, and after the last one."""
+    outages: list[Outage] = []
     last: Link | None = None
     for link in links:
         down = last is not None and not last.connected
         restart = link.started or (last is not None and not down)
         if link.connected and (down or restart):
+            # A run that was killed wrote no end: it ends with the last event before the next run.
             begin = last.time if last is not None and down else link.before
             if begin is not None:
-                found.append(Outage(begin, link.time, restart))
+                outages.append(Outage(begin, link.time, restart))
         if last is None or link.connected or not down:
             last = link
     if last is not None and not last.connected and last.time < until:
-        found.append(Outage(last.time, until, restart=False))
-    longest = sorted(found, key=lambda each: each.begin - each.end)[:OUTAGES_KEPT]
-    return sorted(longest, key=lambda each: each.begin)
+        outages.append(Outage(last.time, until, restart=False))
+    longest = sorted(outages, key=lambda outage: outage.begin - outage.end)[:OUTAGES_KEPT]
+    return sorted(longest, key=lambda outage: outage.begin)
 
 
 def utilisation(conditions: dict[str, float]) -> float | None:
     """Return the share of the time in service that was work, 0 to 1."""
     service = sum(seconds for condition, seconds in conditions.items() if condition != AWAY)
-    return round(sum(conditions.get(each, 0.0) for each in WORKING) / service, 4) if service else None
+    return (
+        round(sum(conditions.get(condition, 0.0) for condition in WORKING) / service, 4) if service else None
+    )
 
 
 COLUMNS = ("section", "figure", "robot", "detail", "value")

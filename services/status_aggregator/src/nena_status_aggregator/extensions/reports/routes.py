@@ -10,14 +10,14 @@ from fastapi import APIRouter, Depends, Query
 from starlette.responses import Response
 
 from nena_shared.clock import Clock, iso
-from nena_status_aggregator.api.history import Moment, away, kept
+from nena_status_aggregator.api.history import Moment, history_unavailable, require_history
 from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import ProblemError, as_json
 from nena_status_aggregator.extensions.reports.queries import (
     ENTRIES_LIMIT,
     LONGEST_RANGE,
     TooManyEntriesError,
-    compute,
+    compute_report,
 )
 from nena_status_aggregator.extensions.reports.report import Report, report_csv
 from nena_status_aggregator.history.database import milliseconds
@@ -51,13 +51,13 @@ def make_router(history: History | None, clock: Clock) -> APIRouter:
     @router.get("/report", response_model=Report)
     async def report(chosen: Requested) -> Response:
         """Return the figures of a time range of at most 31 days."""
-        return as_json(await queue.report(*_range_of(*chosen, clock.now())))
+        return as_json(await queue.compute_report(*_range_of(*chosen, clock.now())))
 
     @router.get("/report.csv", response_class=Response)
     async def csv(chosen: Requested) -> Response:
         """Export the figures of a time range as CSV (RFC 4180), one row per figure."""
-        found = await queue.report(*_range_of(*chosen, clock.now()))
-        return Response(report_csv(found), media_type="text/csv; charset=utf-8")
+        figures = await queue.compute_report(*_range_of(*chosen, clock.now()))
+        return Response(report_csv(figures), media_type="text/csv; charset=utf-8")
 
     return router
 
@@ -70,23 +70,23 @@ class ReportQueue:
         self._turn = asyncio.Semaphore(1)
         self._waiting = 0
 
-    async def report(self, since: datetime, until: datetime) -> Report:
+    async def compute_report(self, since: datetime, until: datetime) -> Report:
         """Compute the report of a time range.
 
         Raises:
             ProblemError: the history is disabled or unavailable, or the report costs too much.
 
         """
-        history = kept(self._history)
+        history = require_history(self._history)
         if self._waiting >= WAITING_LIMIT:
             detail = "Too many reports are being computed; try again later."
             raise ProblemError(Rejection.TOO_MANY_REPORTS, detail)
         self._waiting += 1
         try:
             async with self._turn:
-                return await history.read(compute, milliseconds(since), milliseconds(until))
+                return await history.read(compute_report, milliseconds(since), milliseconds(until))
         except HistoryUnavailableError as error:
-            raise away() from error
+            raise history_unavailable() from error
         except TooManyEntriesError as error:
             detail = f"The range has more than {ENTRIES_LIMIT} entries; request a shorter range."
             raise ProblemError(Rejection.TOO_MANY_ENTRIES, detail) from error
