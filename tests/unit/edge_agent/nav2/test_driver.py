@@ -183,7 +183,7 @@ async def test_an_order_that_starts_while_a_map_is_enabled_does_not_drive_on_the
     station, told = Station(monkeypatch), list[DriverEvent]()
     async with started(monkeypatch, told, make_map_server=station.map_server) as driver:
         monkeypatch.setattr(driver, "_node", station)
-        driver._on_statuses([])
+        driver._on_statuses(Server.NAVIGATOR, [])
         available(driver)
         enabling = asyncio.create_task(station.server.use("attic", "attic.yaml"))
         await turn_passes()
@@ -217,11 +217,13 @@ async def test_a_check_running_while_a_map_is_enabled_does_not_make_navigation_a
                 await turn_passes()
 
         monkeypatch.setattr(driver, "_read_limits", enable)
-        monkeypatch.setattr(presence, "judge", lambda *_, **__: NavigationReport(available=True, reason=""))
+        monkeypatch.setattr(
+            presence, "judge_navigation", lambda *_, **__: NavigationReport(available=True, reason="")
+        )
         monkeypatch.setattr(station, "presence", seen, raising=False)
         monkeypatch.setattr(driver, "_node", station)
         monkeypatch.setattr(driver, "_settings", RosSettings(watch_period=0.05))
-        driver._on_statuses([])
+        driver._on_statuses(Server.NAVIGATOR, [])
         driver.go_to(DriveGoal(1, Pose(1.0, 0.0, 0.0, "hall"), 0.3, None))
         await driver._watch_nav2()
         assert (station.goals, station.asked) == ([], ["attic.yaml"])
@@ -288,10 +290,10 @@ async def test_a_silent_navigator_is_detected_between_two_checks(
     async with started(monkeypatch, told) as driver:
         monkeypatch.setattr(driver, "_node", station)
         monkeypatch.setattr(driver, "_clock", SystemClock())
-        driver._on_statuses([])
+        driver._on_statuses(Server.NAVIGATOR, [])
         available(driver)
         driver.go_to(DriveGoal(1, Pose(1.0, 0.0, 0.0, "hall"), 0.3, None))
-        driver._on_statuses([GoalEntry("a" * 32, GoalStatus.EXECUTING)])
+        driver._on_statuses(Server.NAVIGATOR, [GoalEntry("a" * 32, GoalStatus.EXECUTING)])
         driver._on_feedback(FeedbackReading("a" * 32, 0.0, 0.0, 0.0, "map", 1.0, 0))
         await until(lambda: any(isinstance(each, DriveFailed) for each in told), what="the silence")
         monkeypatch.setattr(driver, "_node", None)
@@ -338,10 +340,10 @@ async def on_the_way(
     async with started(monkeypatch, told) as driver:
         monkeypatch.setattr(driver, "_node", station)
         monkeypatch.setattr(driver, "_clock", clock)
-        driver._on_statuses([])
+        driver._on_statuses(Server.NAVIGATOR, [])
         available(driver)
         driver.go_to(DriveGoal(1, Pose(1.0, 0.0, 0.0, "hall"), 0.3, None))
-        driver._on_statuses([GoalEntry("a" * 32, GoalStatus.EXECUTING)])
+        driver._on_statuses(Server.NAVIGATOR, [GoalEntry("a" * 32, GoalStatus.EXECUTING)])
         driver._on_feedback(FEEDBACK)
         yield driver, station, clock
         monkeypatch.setattr(driver, "_node", None)
@@ -357,9 +359,9 @@ async def test_a_goal_without_feedback_after_one_with_it_is_not_stopped(
     async with on_the_way(monkeypatch, told) as (driver, station, clock):
         driver._on_velocity((0.5, 0.0))
         ended = GoalEntry("a" * 32, GoalStatus.SUCCEEDED)
-        driver._on_statuses([ended])
+        driver._on_statuses(Server.NAVIGATOR, [ended])
         driver.go_to(DriveGoal(2, Pose(2.0, 0.0, 0.0, "hall"), 0.3, None))
-        driver._on_statuses([ended, GoalEntry("b" * 32, GoalStatus.EXECUTING)])
+        driver._on_statuses(Server.NAVIGATOR, [ended, GoalEntry("b" * 32, GoalStatus.EXECUTING)])
         await odometry_comes(driver, clock, 60)
         assert station.stopped == 0
     assert not any(isinstance(each, DriveFailed) for each in told)
@@ -428,10 +430,10 @@ async def test_a_navigator_that_leaves_the_graph_is_detected_between_two_checks(
     async with started(monkeypatch, told) as driver:
         monkeypatch.setattr(driver, "_settings", RosSettings(watch_period=60.0))
         monkeypatch.setattr(station, "server_ids", frozenset, raising=False)
-        driver._on_statuses([])
+        driver._on_statuses(Server.NAVIGATOR, [])
         available(driver)
         driver.go_to(DriveGoal(1, Pose(1.0, 0.0, 0.0, "hall"), 0.3, None))
-        driver._on_statuses([GoalEntry("a" * 32, GoalStatus.EXECUTING)])
+        driver._on_statuses(Server.NAVIGATOR, [GoalEntry("a" * 32, GoalStatus.EXECUTING)])
         monkeypatch.setattr(driver, "_node", station)
         await until(lambda: any(isinstance(each, DriveFailed) for each in told), what="its absence")
         await until(lambda: station.stopped, what="the stop")
@@ -530,7 +532,7 @@ async def test_an_arrival_is_judged_after_the_poses_that_a_delay_held_up(
     async with on_the_way(monkeypatch, told) as (driver, station, clock):
         monkeypatch.setattr(station, "request_pose", answered, raising=False)
         driver._on_pose(READING)
-        driver._on_statuses([GoalEntry("a" * 32, GoalStatus.SUCCEEDED)])
+        driver._on_statuses(Server.NAVIGATOR, [GoalEntry("a" * 32, GoalStatus.SUCCEEDED)])
         clock.advance(3.0)
         pass_time(driver_module.HELD_UP + 0.1)
         at_goal = replace(READING, y=0.0, stamp=2)

@@ -46,22 +46,22 @@ def registry() -> GoalRegistry:
 
 
 def test_as_many_new_ids_are_ours_as_goals_were_sent(registry: GoalRegistry) -> None:
-    registry.given(1.0)
-    registry.given(4.0)
+    registry.record_published(1.0)
+    registry.record_published(4.0)
     entries = [GoalEntry(name, EXECUTING) for name in ("old", "A", "B", "C")]
     assert registry.update(entries, 4.1).claimed == ("A", "B")
     assert registry.live == ("A", "B")
 
 
 def test_a_sent_goal_is_awaited_and_claims_an_id_for_twice_as_long(registry: GoalRegistry) -> None:
-    registry.given(1.0)
+    registry.record_published(1.0)
     assert registry.awaiting(3.9)
     assert not registry.awaiting(4.0)
     assert registry.update([GoalEntry("A", EXECUTING)], 6.9).claimed == ("A",)
 
 
 def test_claim_ends_at_last(registry: GoalRegistry) -> None:
-    registry.given(1.0)
+    registry.record_published(1.0)
     news = registry.update([GoalEntry("A", EXECUTING)], 7.0)
     assert news.claimed == ()
     assert registry.table.external == (GoalReport("A", external=True, status="EXECUTING"),)
@@ -69,7 +69,7 @@ def test_claim_ends_at_last(registry: GoalRegistry) -> None:
 
 def test_goal_of_ours_that_is_listed_no_more_is_lost_unless_it_had_ended(registry: GoalRegistry) -> None:
     for name in ("A", "B"):
-        registry.given(1.0)
+        registry.record_published(1.0)
         registry.update([GoalEntry("A", SUCCEEDED), GoalEntry(name, EXECUTING)], 1.0)
     assert registry.update([GoalEntry("X", EXECUTING)], 2.0).lost == {"B"}
 
@@ -100,7 +100,7 @@ def test_a_server_that_outlives_its_successor_counts_again(registry: GoalRegistr
 
 def test_the_table_shows_the_owner_of_each_goal_and_an_end_is_final(registry: GoalRegistry) -> None:
     registry.update([GoalEntry("X", EXECUTING)], 1.0)
-    registry.given(1.0)
+    registry.record_published(1.0)
     for status in (EXECUTING, SUCCEEDED, EXECUTING):
         registry.update([GoalEntry("X", EXECUTING), GoalEntry("A", status)], 1.0)
     assert registry.table.goals == (
@@ -123,15 +123,15 @@ def test_table_is_empty_after_a_restart_of_the_server(registry: GoalRegistry) ->
 
 
 def test_a_goal_unknown_to_the_server_has_ended(registry: GoalRegistry) -> None:
-    registry.given(1.0)
+    registry.record_published(1.0)
     registry.update([GoalEntry("A", EXECUTING)], 1.0)
-    registry.forget("A")
-    registry.forget("never heard of")
+    registry.record_unknown("A")
+    registry.record_unknown("never heard of")
     assert registry.live == ()
 
 
 def test_the_goal_that_took_over_is_named(registry: GoalRegistry) -> None:
-    registry.given(1.0)
+    registry.record_published(1.0)
     registry.update([GoalEntry("old", ABORTED), GoalEntry("A", EXECUTING)], 1.0)
     assert registry.taken_over("A") is None
     registry.update([GoalEntry("A", ABORTED), GoalEntry("X", EXECUTING)], 1.1)
@@ -140,7 +140,7 @@ def test_the_goal_that_took_over_is_named(registry: GoalRegistry) -> None:
 
 
 def test_a_late_array_is_ignored(registry: GoalRegistry) -> None:
-    registry.given(1.0)
+    registry.record_published(1.0)
     registry.update([GoalEntry("old", ABORTED), GoalEntry("A", EXECUTING)], 1.0)
     for late in ([GoalEntry("old", ABORTED)], []):
         news = registry.update(late, 1.1)
@@ -175,7 +175,7 @@ def entry(goal_id: str, status: int) -> GoalEntry:
 
 def test_only_an_id_with_the_prefix_is_ours_even_while_a_response_is_awaited() -> None:
     goals = prefixed_registry()
-    goals.sent(1.0)
+    goals.record_sent(1.0)
     goals.update([entry(THEIRS, 2)], 1.1)
     goals.update([entry(THEIRS, 6), entry(OURS, 2)], 1.2)
     assert goals.live == (OURS,)
@@ -185,7 +185,7 @@ def test_only_an_id_with_the_prefix_is_ours_even_while_a_response_is_awaited() -
 def test_an_accepted_goal_is_listed_before_its_array_and_kept_despite_a_late_one() -> None:
     goals = prefixed_registry()
     goals.update([entry(THEIRS, 4)], 0.5)
-    goals.sent(1.0)
+    goals.record_sent(1.0)
     assert goals.awaiting(1.1)
     goals.accept(OURS)
     assert not goals.awaiting(1.1)
@@ -197,17 +197,17 @@ def test_an_accepted_goal_is_listed_before_its_array_and_kept_despite_a_late_one
 def test_a_result_ends_a_goal_and_an_older_array_does_not_revive_it() -> None:
     goals = prefixed_registry()
     goals.accept(OURS)
-    goals.settle(OURS, GoalStatus.SUCCEEDED)
+    goals.record_end(OURS, GoalStatus.SUCCEEDED)
     goals.update([entry(OURS, 2)], 1.0)
     assert goals.status(OURS) is GoalStatus.SUCCEEDED
 
 
 def test_a_result_of_an_unknown_or_unfinished_goal_is_ignored() -> None:
     goals = prefixed_registry()
-    goals.settle(OURS, GoalStatus.ABORTED)
+    goals.record_end(OURS, GoalStatus.ABORTED)
     assert goals.status(OURS) is None
     goals.accept(OURS)
-    goals.settle(OURS, GoalStatus.UNKNOWN)
+    goals.record_end(OURS, GoalStatus.UNKNOWN)
     assert goals.status(OURS) is GoalStatus.ACCEPTED
 
 
@@ -222,5 +222,5 @@ def test_a_goal_not_listed_before_a_restart_is_recognised_by_its_prefix() -> Non
 def test_goals_by_topic_are_worked_out_as_ever() -> None:
     goals = prefixed_registry()
     goals.update([], 0.5)
-    goals.given(1.0)
+    goals.record_published(1.0)
     assert goals.update([entry(THEIRS, 2)], 1.1).claimed == (THEIRS,)

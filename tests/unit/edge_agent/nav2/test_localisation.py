@@ -83,7 +83,7 @@ STANDING_ROBOT = standing()
 
 def test_a_standing_robot_repeats_itself_once_a_second() -> None:
     repetition = Repetition()
-    news = [number for number in range(100) if not repetition.of(STANDING_ROBOT, number / 20)]
+    news = [number for number in range(100) if not repetition.repeats(STANDING_ROBOT, number / 20)]
     assert news == [0, 20, 40, 60, 80]
 
 
@@ -100,16 +100,16 @@ def test_a_standing_robot_repeats_itself_once_a_second() -> None:
 )
 def test_what_differs_is_no_repetition(report: PoseReport) -> None:
     repetition = Repetition()
-    repetition.of(STANDING_ROBOT, 0.0)
-    assert not repetition.of(report, 0.05)
-    assert repetition.of(report, 0.1)
-    assert not repetition.of(STANDING_ROBOT, 0.15)
+    repetition.repeats(STANDING_ROBOT, 0.0)
+    assert not repetition.repeats(report, 0.05)
+    assert repetition.repeats(report, 0.1)
+    assert not repetition.repeats(STANDING_ROBOT, 0.15)
 
 
 def test_noise_adds_up_to_news() -> None:
     repetition = Repetition()
     creeping = [standing(x=1.0 + 0.0004 * step) for step in range(6)]
-    assert [repetition.of(report, 0.0) for report in creeping] == [False, True, True, False, True, True]
+    assert [repetition.repeats(report, 0.0) for report in creeping] == [False, True, True, False, True, True]
 
 
 def test_begin_and_end_of_moving_are_noticed() -> None:
@@ -157,20 +157,20 @@ def initial_position() -> InitialPosition:
 
 
 def test_is_sent_and_confirmed_by_a_pose_near_it(initial_position: InitialPosition) -> None:
-    assert initial_position.ask(WANTED, 0.0) == [PublishInitialPose(WANTED)]
+    assert initial_position.start(WANTED, 0.0) == [PublishInitialPose(WANTED)]
     assert initial_position.on_pose(ELSEWHERE) == []
     assert initial_position.on_pose(Pose(2.3, 1.2, -3.1, "hall")) == [DONE]
     assert not initial_position.busy
 
 
 def test_wrong_heading_confirms_nothing(initial_position: InitialPosition) -> None:
-    initial_position.ask(WANTED, 0.0)
+    initial_position.start(WANTED, 0.0)
     assert initial_position.on_pose(Pose(2.0, 1.0, 0.0, "hall")) == []
     assert initial_position.busy
 
 
 def test_is_resent_and_then_abandoned(initial_position: InitialPosition) -> None:
-    initial_position.ask(WANTED, 0.0)
+    initial_position.start(WANTED, 0.0)
     assert initial_position.tick(0.9) == []
     assert initial_position.tick(1.0) == [PublishInitialPose(WANTED)]
     assert initial_position.tick(1.5) == []
@@ -184,7 +184,7 @@ def test_is_resent_and_then_abandoned(initial_position: InitialPosition) -> None
 
 
 def test_a_failure_names_the_pose_of_the_localisation(initial_position: InitialPosition) -> None:
-    initial_position.ask(WANTED, 0.0)
+    initial_position.start(WANTED, 0.0)
     initial_position.on_pose(ELSEWHERE)
     for now in (1.0, 2.0):
         initial_position.tick(now)
@@ -194,13 +194,13 @@ def test_a_failure_names_the_pose_of_the_localisation(initial_position: InitialP
 
 def test_earlier_poses_do_not_confirm_the_position(initial_position: InitialPosition) -> None:
     assert initial_position.on_pose(WANTED) == []
-    initial_position.ask(WANTED, 0.0)
+    initial_position.start(WANTED, 0.0)
     assert initial_position.busy
 
 
 def test_newer_position_replaces_the_older_one(initial_position: InitialPosition) -> None:
-    initial_position.ask(ELSEWHERE, 0.0)
-    initial_position.ask(WANTED, 0.5)
+    initial_position.start(ELSEWHERE, 0.0)
+    initial_position.start(WANTED, 0.5)
     assert initial_position.on_pose(ELSEWHERE) == []
     assert initial_position.on_pose(WANTED) == [DONE]
 
@@ -215,25 +215,25 @@ def watch() -> PoseWatch:
 
 def test_nothing_is_requested_before_the_first_pose() -> None:
     watch = PoseWatch(timeout=5.0, wait=2.0)
-    assert not watch.look(driving=True, unsure=False, now=1000.0)
+    assert not watch.wants_pose(driving=True, unsure=False, now=1000.0)
     assert not watch.lost
 
 
 def test_a_pose_is_requested_until_it_arrives(watch: PoseWatch) -> None:
-    assert not watch.look(driving=True, unsure=False, now=104.9)
-    assert watch.look(driving=True, unsure=False, now=105.0)
+    assert not watch.wants_pose(driving=True, unsure=False, now=104.9)
+    assert watch.wants_pose(driving=True, unsure=False, now=105.0)
     watch.on_answer(105.1)
     watch.on_pose(105.2)
-    assert not watch.look(driving=True, unsure=False, now=110.0)
+    assert not watch.wants_pose(driving=True, unsure=False, now=110.0)
     assert not watch.lost
 
 
 def test_a_robot_is_lost_if_a_promised_pose_does_not_arrive(watch: PoseWatch) -> None:
-    watch.look(driving=True, unsure=False, now=105.0)
+    watch.wants_pose(driving=True, unsure=False, now=105.0)
     watch.on_answer(105.1)
     asked, lost = [], []
     for now in (106.9, 107.1):
-        asked.append(watch.look(driving=True, unsure=False, now=now))
+        asked.append(watch.wants_pose(driving=True, unsure=False, now=now))
         lost.append(watch.lost)
     watch.on_pose(108.0)
     assert (asked, lost) == ([False, True], [False, True])
@@ -243,54 +243,57 @@ def test_a_robot_is_lost_if_a_promised_pose_does_not_arrive(watch: PoseWatch) ->
 def test_a_robot_that_drives_on_without_a_pose_is_lost(watch: PoseWatch) -> None:
     for step in range(105):
         watch.on_velocity(0.5, 0.0, 100.0 + step * 0.05)
-    watch.look(driving=True, unsure=False, now=105.2)
+    watch.wants_pose(driving=True, unsure=False, now=105.2)
     assert watch.lost
 
 
 def test_a_robot_stopped_by_an_obstacle_is_not_lost_without_a_localisation_response(watch: PoseWatch) -> None:
     for second in range(105, 200):
         watch.on_velocity(0.0, 0.0, float(second))
-        watch.look(driving=True, unsure=False, now=float(second))
+        watch.wants_pose(driving=True, unsure=False, now=float(second))
     watch.on_velocity(math.nan, 0.0, 200.0)
-    watch.look(driving=True, unsure=False, now=200.0)
+    watch.wants_pose(driving=True, unsure=False, now=200.0)
     assert not watch.lost
 
 
 def test_silence_at_standstill_is_ignored(watch: PoseWatch) -> None:
-    assert not watch.look(driving=False, unsure=False, now=1000.0)
-    assert not watch.look(driving=True, unsure=False, now=1004.9)
-    assert watch.look(driving=True, unsure=False, now=1005.0)
+    assert not watch.wants_pose(driving=False, unsure=False, now=1000.0)
+    assert not watch.wants_pose(driving=True, unsure=False, now=1004.9)
+    assert watch.wants_pose(driving=True, unsure=False, now=1005.0)
 
 
 def test_an_uncertain_or_lost_robot_keeps_requesting_poses_even_at_standstill(watch: PoseWatch) -> None:
-    assert watch.look(driving=False, unsure=True, now=105.0)
+    assert watch.wants_pose(driving=False, unsure=True, now=105.0)
     watch.on_answer(105.0)
-    assert watch.look(driving=False, unsure=True, now=107.0)
+    assert watch.wants_pose(driving=False, unsure=True, now=107.0)
     assert watch.lost
-    assert watch.look(driving=False, unsure=False, now=109.0)
+    assert watch.wants_pose(driving=False, unsure=False, now=109.0)
 
 
 def test_a_localisation_that_dies_or_restarts_is_detected_once() -> None:
     watch = LocaliserWatch()
     one, other = frozenset({"a"}), frozenset({"b"})
-    seen = [watch.look(each, inactive=False) for each in (frozenset[str](), one, one)]
+    seen = [watch.find_problem(each, inactive=False) for each in (frozenset[str](), one, one)]
     assert seen == [None, None, None]
-    looks = [watch.look(frozenset(), inactive=False) for _ in range(4)]
+    looks = [watch.find_problem(frozenset(), inactive=False) for _ in range(4)]
     assert ["is not running" in str(each) for each in looks] == [False, True, False, False]
-    assert watch.look(other, inactive=False) is None, "its pose is new"
-    assert "was restarted" in str(watch.look(one | other, inactive=False)), "DDS still shows the old one"
-    assert watch.look(one, inactive=False) is None, "the old one is gone at last"
+    assert watch.find_problem(other, inactive=False) is None, "its pose is new"
+    assert "was restarted" in str(watch.find_problem(one | other, inactive=False)), (
+        "DDS still shows the old one"
+    )
+    assert watch.find_problem(one, inactive=False) is None, "the old one is gone at last"
 
 
 def test_a_localisation_that_dies_before_the_first_check_is_detected_by_its_pose() -> None:
     watch = LocaliserWatch()
-    assert watch.look(frozenset(), inactive=False) is None
+    assert watch.find_problem(frozenset(), inactive=False) is None
     watch.on_pose()
-    looks = [watch.look(frozenset(), inactive=False) for _ in range(4)]
+    looks = [watch.find_problem(frozenset(), inactive=False) for _ in range(4)]
     assert ["is not running" in str(each) for each in looks] == [False, True, False, False]
     watch.on_pose()
     looks = [
-        watch.look(each, inactive=False) for each in (frozenset[str](), frozenset({"b"}), frozenset({"b"}))
+        watch.find_problem(each, inactive=False)
+        for each in (frozenset[str](), frozenset({"b"}), frozenset({"b"}))
     ]
     assert looks == [None, None, None], "it only comes back"
 
@@ -298,6 +301,6 @@ def test_a_localisation_that_dies_before_the_first_check_is_detected_by_its_pose
 def test_a_localisation_that_is_deactivated_is_noticed() -> None:
     watch = LocaliserWatch()
     one = frozenset({"a"})
-    assert watch.look(one, inactive=False) is None
-    assert "not active" in str(watch.look(one, inactive=True))
-    assert watch.look(one, inactive=True) is None
+    assert watch.find_problem(one, inactive=False) is None
+    assert "not active" in str(watch.find_problem(one, inactive=True))
+    assert watch.find_problem(one, inactive=True) is None

@@ -11,7 +11,7 @@ from nena_edge_agent.nav2.presence import (
     PlannerWatch,
     Presence,
     endpoints,
-    judge,
+    judge_navigation,
 )
 from nena_edge_agent.nav2.settings import Navigation, RosSettings
 
@@ -21,7 +21,7 @@ GID = frozenset({"gid"})
 
 @pytest.mark.parametrize("lifecycle", [Lifecycle.ACTIVE, Lifecycle.ABSENT])
 def test_a_nav2_that_accepts_goals(lifecycle: Lifecycle) -> None:
-    report = judge(Presence(GID, 1, lifecycle), SETTINGS, pose_known=True)
+    report = judge_navigation(Presence(GID, 1, lifecycle), SETTINGS, pose_known=True)
     assert report.available
     assert report.reason == ""
 
@@ -38,7 +38,7 @@ def test_a_nav2_that_accepts_goals(lifecycle: Lifecycle) -> None:
     ],
 )
 def test_the_reason_names_what_is_missing(presence: Presence, *, pose_known: bool, reason: str) -> None:
-    report = judge(presence, SETTINGS, pose_known=pose_known)
+    report = judge_navigation(presence, SETTINGS, pose_known=pose_known)
     assert not report.available
     assert reason in report.reason
     assert "in namespace /r1, domain 7" in report.reason
@@ -46,14 +46,14 @@ def test_the_reason_names_what_is_missing(presence: Presence, *, pose_known: boo
 
 @pytest.mark.parametrize("lifecycle", [Lifecycle.INACTIVE, Lifecycle.STARTING, Lifecycle.SILENT])
 def test_the_initial_position_is_suggested_before_nav2_is_blamed(lifecycle: Lifecycle) -> None:
-    report = judge(Presence(GID, 1, lifecycle), SETTINGS, pose_known=False)
+    report = judge_navigation(Presence(GID, 1, lifecycle), SETTINGS, pose_known=False)
     assert "set the initial position first" in report.reason
     assert "60 s" in report.reason
 
 
 def test_an_inactive_localisation_prevents_driving() -> None:
     presence = Presence(GID, 1, Lifecycle.ACTIVE, localiser=Lifecycle.INACTIVE)
-    assert "amcl/get_state" in judge(presence, SETTINGS, pose_known=True).reason
+    assert "amcl/get_state" in judge_navigation(presence, SETTINGS, pose_known=True).reason
 
 
 def test_only_the_planners_own_node_counts_as_planner() -> None:
@@ -67,35 +67,37 @@ def test_only_the_planners_own_node_counts_as_planner() -> None:
 
 def test_a_missing_planner_prevents_driving_until_it_returns() -> None:
     watch = PlannerWatch()
-    looks = [watch.look(publishers) for publishers in (frozenset[str](), GID, frozenset[str]())]
+    looks = [watch.has_just_gone(publishers) for publishers in (frozenset[str](), GID, frozenset[str]())]
     assert (looks, watch.gone) == ([False, False, True], True), "only one that was present is missed"
     presence = Presence(GID, 1, Lifecycle.ACTIVE, planner_gone=watch.gone)
-    assert "is planner_server running?" in judge(presence, SETTINGS, pose_known=True).reason
-    assert not watch.look(frozenset())
+    assert "is planner_server running?" in judge_navigation(presence, SETTINGS, pose_known=True).reason
+    assert not watch.has_just_gone(frozenset())
     assert watch.gone
-    assert not watch.look(GID)
+    assert not watch.has_just_gone(GID)
     assert not watch.gone
 
 
 def test_the_first_seconds_report_starting() -> None:
     nothing = Presence(frozenset(), 0, Lifecycle.ABSENT)
-    report = judge(nothing, SETTINGS, pose_known=False, seconds=1.0)
+    report = judge_navigation(nothing, SETTINGS, pose_known=False, seconds=1.0)
     assert (report.available, report.starting) == (False, True)
     assert "just started" in report.reason
-    later = judge(nothing, SETTINGS, pose_known=False, seconds=DISCOVERY)
+    later = judge_navigation(nothing, SETTINGS, pose_known=False, seconds=DISCOVERY)
     assert (later.starting, "is Nav2 running there?" in later.reason) == (False, True)
 
 
 def test_known_states_are_reported_in_the_first_seconds_too() -> None:
-    report = judge(Presence(GID, 1, Lifecycle.INACTIVE), SETTINGS, pose_known=False, seconds=0.5)
+    report = judge_navigation(Presence(GID, 1, Lifecycle.INACTIVE), SETTINGS, pose_known=False, seconds=0.5)
     assert not report.starting
-    assert judge(Presence(GID, 1, Lifecycle.ACTIVE), SETTINGS, pose_known=True, seconds=0.5).available
+    assert judge_navigation(
+        Presence(GID, 1, Lifecycle.ACTIVE), SETTINGS, pose_known=True, seconds=0.5
+    ).available
 
 
 def test_one_missing_response_is_ignored_and_two_are_silence() -> None:
     watch = LifecycleWatch()
     answers: list[bool | None] = [True, None, True, None, None, None, False]
-    assert [watch.judge(there=True, active=active) for active in answers] == [
+    assert [watch.update(there=True, active=active) for active in answers] == [
         Lifecycle.ACTIVE,
         Lifecycle.ACTIVE,
         Lifecycle.ACTIVE,
@@ -108,15 +110,15 @@ def test_one_missing_response_is_ignored_and_two_are_silence() -> None:
 
 def test_a_service_that_disappears_is_forgotten() -> None:
     watch = LifecycleWatch()
-    watch.judge(there=True, active=False)
-    assert watch.judge(there=False, active=None) is Lifecycle.ABSENT
-    assert watch.judge(there=True, active=None) is Lifecycle.STARTING
+    watch.update(there=True, active=False)
+    assert watch.update(there=False, active=None) is Lifecycle.ABSENT
+    assert watch.update(there=True, active=None) is Lifecycle.STARTING
 
 
 def test_a_service_that_never_answered_belongs_to_a_starting_nav2() -> None:
     watch = LifecycleWatch()
     answers: list[bool | None] = [None, None, None, False, True]
-    assert [watch.judge(there=True, active=active) for active in answers] == [
+    assert [watch.update(there=True, active=active) for active in answers] == [
         *[Lifecycle.STARTING] * 3,
         Lifecycle.INACTIVE,
         Lifecycle.ACTIVE,
@@ -140,7 +142,7 @@ def test_goals_are_accepted_by_the_configured_interface(
 ) -> None:
     settings = RosSettings(namespace="r1", domain_id=7, navigation=Navigation(navigation))
     seen = Presence(GID, listeners, Lifecycle.ACTIVE, action)
-    report = judge(seen, settings, pose_known=True)
+    report = judge_navigation(seen, settings, pose_known=True)
     assert report.available is available
     assert ("no node serves the action navigate_to_pose" in report.reason) is (
         navigation == "action" and not action

@@ -160,13 +160,13 @@ async def test_a_session_that_cannot_start_reports_why_and_is_retried_with_backo
         while len(graph.begun) == begun:
             graph.clock.advance(1.0)
             waited += 1.0
-            await graph.keeper.look()
+            await graph.keeper.retry_failed()
         pauses.append(waited)
     assert pauses == [2.0, 4.0, 8.0, 16.0, 32.0, LONGEST_RETRY, LONGEST_RETRY]
 
     graph.problem = None
     graph.clock.advance(LONGEST_RETRY)
-    await graph.keeper.look()
+    await graph.keeper.retry_failed()
     assert graph.states[-2:] == ["INITIATING", "ACTIVE"]
     assert graph.told[-1].reason == ""
 
@@ -177,7 +177,7 @@ async def test_a_lost_session_is_restarted_at_the_next_check() -> None:
     graph.nodes = 0
     graph.keeper.failed("its thread has ended")
     assert graph.told[-1].reason == "its thread has ended"
-    await graph.keeper.look()
+    await graph.keeper.retry_failed()
     assert graph.states[2:] == ["FAILED", "INITIATING", "ACTIVE"]
     assert graph.nodes == 1
 
@@ -189,7 +189,7 @@ async def test_stopping_the_session_ends_a_failure() -> None:
         await graph.keeper.start()
     await graph.keeper.stop()
     graph.clock.advance(1000.0)
-    await graph.keeper.look()
+    await graph.keeper.retry_failed()
     assert graph.states == ["INITIATING", "FAILED", "NOT_ACTIVE"]
     graph.keeper.failed("late")
     assert graph.states[-1] == "NOT_ACTIVE"
@@ -223,7 +223,7 @@ async def test_a_session_that_fails_where_it_moved_to_stays_there() -> None:
     assert graph.keeper.address == THERE
     graph.problem = None
     graph.clock.advance(2.0)
-    await graph.keeper.look()
+    await graph.keeper.retry_failed()
     assert graph.states[-1] == "ACTIVE"
     assert graph.begun[-1] == THERE
 

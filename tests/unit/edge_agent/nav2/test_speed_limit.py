@@ -50,10 +50,10 @@ pytestmark = pytest.mark.ros
 
 
 def test_the_lower_of_two_limits_applies(limiter: SpeedLimiter, controller: Controller) -> None:
-    limiter.for_goal(0.5)
-    limiter.for_place(0.3)
-    limiter.for_place(None)
-    limiter.for_goal(None)
+    limiter.limit_goal(0.5)
+    limiter.limit_place(0.3)
+    limiter.limit_place(None)
+    limiter.limit_goal(None)
     assert controller.sent == [0.5, 0.3, 0.5, 0.0]
 
 
@@ -61,7 +61,7 @@ def test_the_lower_of_two_limits_applies(limiter: SpeedLimiter, controller: Cont
 def test_a_limit_above_the_own_speed_would_make_the_robot_faster_and_is_none(
     limiter: SpeedLimiter, controller: Controller, limit: float
 ) -> None:
-    limiter.for_goal(limit)
+    limiter.limit_goal(limit)
     assert controller.sent == [0.0]
 
 
@@ -69,50 +69,50 @@ def test_a_limit_above_the_own_speed_would_make_the_robot_faster_and_is_none(
 def test_a_limit_with_which_the_robot_would_reverse_is_the_lowest_one(
     limiter: SpeedLimiter, controller: Controller, limit: float
 ) -> None:
-    limiter.for_goal(0.5)
-    limiter.for_place(limit)
-    limiter.for_place(None)
-    limiter.for_goal(limit)
+    limiter.limit_goal(0.5)
+    limiter.limit_place(limit)
+    limiter.limit_place(None)
+    limiter.limit_goal(limit)
     assert controller.sent == [0.5, SLOWEST, 0.5, SLOWEST]
 
 
 @pytest.mark.parametrize("limit", [math.inf, 1e308])
 def test_an_endless_limit_is_none(limiter: SpeedLimiter, controller: Controller, limit: float) -> None:
-    limiter.for_goal(limit)
-    limiter.for_place(0.5)
+    limiter.limit_goal(limit)
+    limiter.limit_place(0.5)
     assert controller.sent == [0.0, 0.5]
 
 
 def test_a_limit_of_zero_does_not_withdraw_the_limit(limiter: SpeedLimiter, controller: Controller) -> None:
-    limiter.for_place(0.0)
+    limiter.limit_place(0.0)
     assert controller.sent == [SLOWEST]
 
 
 def test_a_controller_that_returns_gets_the_limit(limiter: SpeedLimiter, controller: Controller) -> None:
-    limiter.look()
-    limiter.look()
+    limiter.check_controllers()
+    limiter.check_controllers()
     assert controller.sent == [0.0]
 
     controller.listeners = [b"another one"]
-    limiter.look()
+    limiter.check_controllers()
     assert controller.sent == [0.0, 0.0]
 
 
 def test_a_limit_that_holds_is_repeated(limiter: SpeedLimiter, controller: Controller) -> None:
-    limiter.for_goal(0.5)
-    limiter.for_goal(0.5)
-    limiter.look()
+    limiter.limit_goal(0.5)
+    limiter.limit_goal(0.5)
+    limiter.check_controllers()
     assert controller.sent == [0.5] * 3
 
-    limiter.drives(10.0)
-    limiter.drives(10.0 + REPEATED_AFTER / 2)
-    limiter.drives(10.0 + REPEATED_AFTER)
+    limiter.repeat_while_driving(10.0)
+    limiter.repeat_while_driving(10.0 + REPEATED_AFTER / 2)
+    limiter.repeat_while_driving(10.0 + REPEATED_AFTER)
     assert controller.sent == [0.5] * 5
 
-    limiter.for_goal(None)
-    limiter.drives(20.0)
-    limiter.look()  # the first one: it tells all
-    limiter.look()
+    limiter.limit_goal(None)
+    limiter.repeat_while_driving(20.0)
+    limiter.check_controllers()  # the first one: it tells all
+    limiter.check_controllers()
     assert controller.sent == [0.5] * 5 + [0.0]
 
 
@@ -120,11 +120,11 @@ def test_a_limit_of_an_earlier_run_stays_until_the_next_goal(
     limiter: SpeedLimiter, controller: Controller
 ) -> None:
     limiter.reclaim()
-    limiter.look()
-    limiter.for_place(None)
+    limiter.check_controllers()
+    limiter.limit_place(None)
     assert controller.sent == []
 
-    limiter.for_goal(0.4)
+    limiter.limit_goal(0.4)
     assert controller.sent == [0.4]
 
 
@@ -141,16 +141,16 @@ def test_without_a_listener_a_goal_with_a_limit_has_a_problem(
 def test_a_controller_slower_than_the_settings_gets_no_limit_above_its_speed(
     limiter: SpeedLimiter, controller: Controller
 ) -> None:
-    limiter.for_goal(0.8)
+    limiter.limit_goal(0.8)
     limiter.controller_drives(0.5)
     assert controller.sent == [0.8, 0.0]
-    limiter.for_goal(0.4)
+    limiter.limit_goal(0.4)
     assert controller.sent == [0.8, 0.0, 0.4]
 
 
 def test_a_controller_faster_than_the_settings_gets_limits_in_between(
     limiter: SpeedLimiter, controller: Controller
 ) -> None:
-    limiter.for_goal(1.5)
+    limiter.limit_goal(1.5)
     limiter.controller_drives(2.0)
     assert controller.sent == [0.0, 1.5]

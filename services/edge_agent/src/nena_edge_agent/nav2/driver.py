@@ -227,7 +227,7 @@ class Nav2Driver:
                 self._report_navigation(NavigationReport(available=False, reason=reason))
                 return
             # Before the goal: the limit must be there when the robot starts (VDA 5050, edge.maximumSpeed).
-            self._limiter.for_goal(goal.maximum_speed)
+            self._limiter.limit_goal(goal.maximum_speed)
         if goal.behavior_tree and not self._tracker.navigator.by_action:
             needed = self._settings.action
             problem = f"the behaviour tree '{goal.behavior_tree}' needs {needed}, which is not available"
@@ -249,7 +249,7 @@ class Nav2Driver:
     def limit_speed(self, speed: float | None) -> None:
         """Limit the speed of Nav2's controller, m/s; called only if it accepts a limit."""
         if self._limiter is not None:
-            self._limiter.for_place(speed)
+            self._limiter.limit_place(speed)
 
     def keep_out(self, areas: tuple[Area, ...]) -> None:
         """Make Nav2 plan around areas; called only if it accepts a mask."""
@@ -273,7 +273,7 @@ class Nav2Driver:
         if problem is not None:
             self._report_event(PositionInitialized(succeeded=False, description=problem))
             return
-        self._execute_all(self._initial_position.ask(pose, self._clock.monotonic()))
+        self._execute_all(self._initial_position.start(pose, self._clock.monotonic()))
 
     @property
     def drives(self) -> bool:
@@ -325,12 +325,16 @@ class Nav2Driver:
             own.append(self._collision)
         actions = {
             Server.NAVIGATOR: ActionHandlers(
-                self._on_statuses, partial(self._on_result, Server.NAVIGATOR), self._on_feedback
+                partial(self._on_statuses, Server.NAVIGATOR),
+                partial(self._on_result, Server.NAVIGATOR),
+                self._on_feedback,
             )
         }
         if self._follows_paths:
             actions[Server.CONTROLLER] = ActionHandlers(
-                self._on_path_statuses, partial(self._on_result, Server.CONTROLLER), self._on_path_feedback
+                partial(self._on_statuses, Server.CONTROLLER),
+                partial(self._on_result, Server.CONTROLLER),
+                self._on_path_feedback,
             )
         node = Nav2Node(
             self._settings,
@@ -383,7 +387,7 @@ class Nav2Driver:
     def _watch_localiser(self, seen: presence.Presence) -> None:
         """Forget the pose of a localisation that has gone or was restarted, and request a new one."""
         watch, inactive = self._localiser_watch, seen.localiser is presence.Lifecycle.INACTIVE
-        problem = watch.look(seen.localisers, inactive=inactive)
+        problem = watch.find_problem(seen.localisers, inactive=inactive)
         if problem is not None:
             self._lose_position(problem, moves=True)
             self._localiser_watch = watch
@@ -398,11 +402,11 @@ class Nav2Driver:
 
     async def _watch_nav2(self) -> None:
         """Check Nav2 once, after restarting a failed session."""
-        await self.session.look()
+        await self.session.retry_failed()
         async with self.session.step:
             if self._node is not None:
                 lost = bool(self._transforms.problem)
-                self._transforms.look()
+                self._transforms.choose_source()
                 if self._transforms.problem:
                     self._tracker.forget_pose()
                 if lost or self._transforms.problem:
@@ -418,24 +422,37 @@ class Nav2Driver:
         """Report what the ROS graph shows of Nav2."""
         # In this order: what is missing, then what the next goal or the map still lacks, then the limits.
         seen = replace(seen, action=self._check_action(), planner_gone=self._planner.gone)
-        report = presence.judge(
+        report = presence.judge_navigation(
             seen,
             self._settings,
             pose_known=self._localisation.known,
             seconds=self._clock.monotonic() - self._looking_since,
         )
-        report = self._with_map(self._with_limits(self._with_paths(report)))
+        # A goal with a path waits for a controller that accepts paths, one with a limit for one that obeys.
+        wanted = self._tracker.wanted
+        if wanted is not None and wanted.path and not self._tracker.controller_takes_paths:
+            action = self._settings.names.follow_path
+            problem = f"no node serves the action {action}: is controller_server running?"
+            report = _unless_prevented(problem, report)
+        if self._limiter is not None:
+            self._limiter.check_controllers()
+            if self._limiter.listened:
+                self._too_fast = ""
+            report = _unless_prevented(self._too_fast, report)
+        report = self._with_map(report)
         await self._read_limits(report)
         self._on_navigation(seen.servers, self._while_map_stays(report))
         self._watch_localiser(seen)
-        kept_out = self._keep_out.look(self._clock.monotonic()) if self._keep_out and self._areas else None
+        kept_out = (
+            self._keep_out.check_use(self._clock.monotonic()) if self._keep_out and self._areas else None
+        )
         if kept_out is not None and kept_out != self._kept_out:
             self._kept_out = kept_out
             self._log.info("keep-out mask is used" if not kept_out.problem else "keep-out mask is not used")
             self._report_event(kept_out)
         self._watch_drive()
         if self._collision is not None:
-            self._collision.look()
+            self._collision.report_silent()
 
     def _check_action(self) -> bool:
         """Check whether a server accepts goals by the action; if so, the next goal is sent to it."""
@@ -448,35 +465,19 @@ class Nav2Driver:
         """Check the driving servers more often than the rest of Nav2, to stop soon after a crash."""
         await asyncio.sleep(GLANCE)
         if self._node is not None and self._tracker.current.active:
-            self._see_servers(self._node.clients[Server.NAVIGATOR].server_ids())
+            self._update_servers(self._node.clients[Server.NAVIGATOR].server_ids())
             self._check_planner(self._node)
 
     def _check_planner(self, node: Nav2Node) -> None:
-        if self._planner.look(node.planners()):
+        if self._planner.has_just_gone(node.planners()):
             self._execute_all(self._tracker.navigator.on_planner_gone(self._clock.monotonic()))
-
-    def _with_limits(self, report: NavigationReport) -> NavigationReport:
-        """Wait for a controller that accepts speed limits if the next goal has one."""
-        if self._limiter is None:
-            return report
-        self._limiter.look()
-        if self._limiter.listened:
-            self._too_fast = ""
-        return _unless_prevented(self._too_fast, report)
 
     def _with_map(self, report: NavigationReport) -> NavigationReport:
         """Wait for Nav2 to load the enabled map."""
-        if self._map_server is not None and self._map_server.look():
+        # A map_server that was restarted has the map of its own settings.
+        if self._map_server is not None and self._map_server.needs_load():
             self._tasks.start("load the map", self._map_server.load_again(), vital=False)
         return self._while_map_stays(report)
-
-    def _with_paths(self, report: NavigationReport) -> NavigationReport:
-        """Wait for a controller that accepts paths if the next goal has one."""
-        wanted = self._tracker.wanted
-        if wanted is None or not wanted.path or self._tracker.controller_takes_paths:
-            return report
-        action = self._settings.names.follow_path
-        return _unless_prevented(f"no node serves the action {action}: is controller_server running?", report)
 
     def _while_map_stays(self, report: NavigationReport) -> NavigationReport:
         """Return an up-to-date report: another map may have been enabled since the report."""
@@ -502,13 +503,13 @@ class Nav2Driver:
         self._report_event(parameters.limits(self._settings.goals.goal_tolerance, known_each, self._map_id))
 
     def _on_navigation(self, servers: frozenset[str], report: NavigationReport) -> None:
-        self._see_servers(servers)
+        self._update_servers(servers)
         self._execute_all(self._tracker.on_navigation(report, self._clock.monotonic()))
         if report.available:
             self._looking_since = -inf
         self._report_navigation(report)
 
-    def _see_servers(self, servers: frozenset[str]) -> None:
+    def _update_servers(self, servers: frozenset[str]) -> None:
         controllers: frozenset[str] = frozenset()
         if self._node is not None and (controller := self._node.clients.get(Server.CONTROLLER)):
             self._tracker.controller_takes_paths = controller.is_ready
@@ -533,7 +534,7 @@ class Nav2Driver:
             self._report_event(BlockedReport(blocked, self._settings.goals.blocked_after))
         report, lost = self._localisation.report(), self._pose_watch.lost
         unsure = report is not None and not report.localized
-        if self._pose_watch.look(driving=driving, unsure=unsure, now=now):
+        if self._pose_watch.wants_pose(driving=driving, unsure=unsure, now=now):
             self._execute_all([RequestPose()])
         if self._pose_watch.lost:
             self._tracker.forget_pose()  # also one from feedback: goals wait for the localisation
@@ -553,11 +554,8 @@ class Nav2Driver:
             reason = f"{text}: {report.reason}" if report.reason else text
             self._on_navigation(frozenset(), NavigationReport(available=False, reason=reason))
 
-    def _on_statuses(self, entries: list[GoalEntry]) -> None:
-        self._tell_tracker(Server.NAVIGATOR, lambda tracker, now: tracker.on_statuses(entries, now))
-
-    def _on_path_statuses(self, entries: list[GoalEntry]) -> None:
-        self._tell_tracker(Server.CONTROLLER, lambda tracker, now: tracker.on_statuses(entries, now))
+    def _on_statuses(self, server: Server, entries: list[GoalEntry]) -> None:
+        self._tell_tracker(server, lambda tracker, now: tracker.on_statuses(entries, now))
 
     def _on_other_statuses(self, entries: list[GoalEntry]) -> None:
         """Handle the statuses of the action that only other clients use."""
@@ -588,7 +586,7 @@ class Nav2Driver:
             self._report_unplaced(report)
             return
         if self._unplaced and self._map_server is not None:
-            self._map_server.placed()
+            self._map_server.record_placed()
         self._unplaced = False
         self._movement.on_pose(pose, now)
         self._pose_watch.on_pose(now)
@@ -633,7 +631,7 @@ class Nav2Driver:
         if reading.goal_id != tracker.goal_id:
             return False
         if self._limiter is not None:
-            self._limiter.drives(now)
+            self._limiter.repeat_while_driving(now)
         return True
 
     def _await_feedback(self, seconds: float) -> None:
@@ -687,7 +685,7 @@ class Nav2Driver:
             problem = f"the localisation has sent no pose for more than {seconds:g} s of driving"
             report = replace(report, localized=False, problem=problem)
         awaited = self._tracker.busy or self._tracker.current.driving or self._initial_position.busy
-        if report and (not self._repetition.of(report, self._clock.monotonic()) or awaited):
+        if report and (not self._repetition.repeats(report, self._clock.monotonic()) or awaited):
             self._report_event(report)
 
     def _execute_all(self, commands: Iterable[Command | PublishInitialPose]) -> None:

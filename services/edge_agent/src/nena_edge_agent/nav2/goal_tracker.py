@@ -354,7 +354,7 @@ class GoalTracker:
     def on_result(self, result: GoalResult, now: float) -> list[Command]:
         """Handle the result of a goal: its last status, and its ``error_code`` and ``error_msg``, if any."""
         goal_id, status, reason = result.goal_id, result.status, result.reason
-        self._registry.settle(goal_id, status)
+        self._registry.record_end(goal_id, status)
         if status.terminal and reason is not None:
             self._reason = (goal_id, reason[0], meaning_of(*reason))
         if status.terminal:
@@ -369,7 +369,7 @@ class GoalTracker:
         # Code 3 (already terminal or canceling) needs nothing: the array shows which (rcl_action,
         # action_server.c).
         if code == UNKNOWN_GOAL_ID:
-            self._registry.forget(goal_id)
+            self._registry.record_unknown(goal_id)
         elif code is None:
             log.warning("no answer to a cancel request", goal=goal_id)
         return self._advance_all(now)
@@ -722,7 +722,7 @@ class GoalTracker:
 
     def _send_goal(self, drive: GoalDrive, now: float) -> None:
         if not self.by_action:
-            self._registry.given(now)
+            self._registry.record_published(now)
             self._out.append(PublishGoal(drive.goal))
             return
         if drive is not self._sent_for:
@@ -730,7 +730,7 @@ class GoalTracker:
         goal_id = self._prefix.new()
         self._passed.begin(drive.goal)
         self._sent.append(goal_id)
-        self._registry.sent(now)
+        self._registry.record_sent(now)
         self._out.append(SendGoal(drive.goal, goal_id, self._server))
 
     def _continue_earlier(self, drive: GoalDrive, now: float) -> bool:

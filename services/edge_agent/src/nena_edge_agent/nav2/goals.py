@@ -216,7 +216,7 @@ class GoalRegistry:
         self._orphans = frozenset(goal_ids)
         self._given_behind = given_behind
 
-    def given(self, now: float) -> None:
+    def record_published(self, now: float) -> None:
         """Record that a goal is sent at ``now``."""
         self._expire_claims(now)
         self._claims += 1
@@ -273,7 +273,7 @@ class GoalRegistry:
         self._yield_until, self._others = None, ()
         return True
 
-    def sent(self, now: float) -> None:
+    def record_sent(self, now: float) -> None:
         """Record that a goal with an ID of ours is sent; its answer is awaited."""
         self._expire_claims(now)
         self._awaited, self._given_at = True, now
@@ -283,13 +283,13 @@ class GoalRegistry:
         self._awaited = False
         self._goals.setdefault(goal_id, Goal(ours=True, status=GoalStatus.ACCEPTED))
 
-    def settle(self, goal_id: str, status: GoalStatus) -> None:
+    def record_end(self, goal_id: str, status: GoalStatus) -> None:
         """Record the end of a goal by its result, which may arrive before the array."""
         goal = self._goals.get(goal_id)
         if goal is not None and not goal.status.terminal and status.terminal:
             goal.status = status
 
-    def forget(self, goal_id: str) -> None:
+    def record_unknown(self, goal_id: str) -> None:
         """Remove a goal that the server does not know."""
         if goal_id in self._goals:
             self._goals[goal_id].status = GoalStatus.ABORTED

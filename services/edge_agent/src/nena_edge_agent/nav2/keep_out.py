@@ -168,7 +168,7 @@ class KeepOutMask:
         if self._session is not None and self._session.state is SessionState.ACTIVE:
             self._publish_mask(self._mask)
 
-    def look(self, now: float) -> KeepOutReport | None:
+    def check_use(self, now: float) -> KeepOutReport | None:
         """Return whether a node plans around the mask; None if that is not known yet, or none is published.
 
         ``now`` is the monotonic time in s.

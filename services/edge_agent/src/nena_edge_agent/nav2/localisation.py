@@ -45,10 +45,14 @@ class Localisation:
         ``old``: newer positions arrive continuously from another source, and the pose does not replace them.
         """
         if reading.frame.removeprefix("/") != self._settings.frame:
-            self._log_frame(reading.frame)
+            if reading.frame != self._logged_frame:
+                self._logged_frame = reading.frame
+                log.warning("ignoring poses in another frame", frame=reading.frame, ours=self._settings.frame)
             return None
         # Two subscriptions, latched and volatile, may deliver the same pose twice.
-        if self._reading is not None and _is_past(reading, self._reading):
+        # A much older stamp is that of a clock that was set back (or a simulation that was restarted).
+        newest = self._reading
+        if newest is not None and (reading == newest or 0 < newest.stamp - reading.stamp < CLOCK_JUMP):
             return None
         self._reading = reading
         self._nearer = self._nearer if old else None
@@ -106,11 +110,6 @@ class Localisation:
     def _pose_of(self, reading: PoseReading) -> Pose:
         return Pose(reading.x, reading.y, reading.yaw, self._map_id)
 
-    def _log_frame(self, frame: str) -> None:
-        if frame != self._logged_frame:
-            self._logged_frame = frame
-            log.warning("ignoring poses in another frame", frame=frame, ours=self._settings.frame)
-
 
 SAME = 0.001
 """Distance between two poses that count as the same, m or rad."""
@@ -125,21 +124,15 @@ class Repetition:
         self._last: PoseReport | None = None
         self._at = -math.inf
 
-    def of(self, report: PoseReport, now: float) -> bool:
+    def repeats(self, report: PoseReport, now: float) -> bool:
         """Return whether ``report`` repeats one of the last second."""
         last = self._last
-        if last is not None and now - self._at < REPEATED_AFTER and _say_the_same(report, last):
-            return True
+        if last is not None and now - self._at < REPEATED_AFTER:
+            same = replace(report, pose=last.pose) == last and report.pose.map_id == last.pose.map_id
+            if same and near(report.pose, last.pose, xy=SAME, theta=SAME):
+                return True
         self._last, self._at = report, now
         return False
-
-
-def _say_the_same(one: PoseReport, other: PoseReport) -> bool:
-    facts = [
-        (report.pose.map_id, report.localized, report.vx, report.omega, report.problem)
-        for report in (one, other)
-    ]
-    return facts[0] == facts[1] and near(one.pose, other.pose, xy=SAME, theta=SAME)
 
 
 class LocaliserWatch:
@@ -158,7 +151,7 @@ class LocaliserWatch:
         """Record that the localisation has published a pose."""
         self._heard = True
 
-    def look(self, publishers: frozenset[str], *, inactive: bool) -> str | None:
+    def find_problem(self, publishers: frozenset[str], *, inactive: bool) -> str | None:
         """Handle the endpoint IDs of the pose's publishers.
 
         Return why the pose is invalid, None if it is still valid.
@@ -176,10 +169,6 @@ class LocaliserWatch:
         if inactive and not was_inactive:
             return "the localisation is not active"
         return None
-
-
-def _is_past(reading: PoseReading, newest: PoseReading) -> bool:
-    return reading == newest or 0 < newest.stamp - reading.stamp < CLOCK_JUMP
 
 
 def _describe_spread(reading: PoseReading) -> str:
@@ -220,7 +209,7 @@ class InitialPosition:
         """Return whether an initial position is not confirmed yet."""
         return self._attempt is not None
 
-    def ask(self, pose: Pose, now: float) -> list[PublishInitialPose | Report]:
+    def start(self, pose: Pose, now: float) -> list[PublishInitialPose | Report]:
         """Set an initial position; poses received before it do not confirm it."""
         self._latest = None
         # amcl subscribes best effort (Fast DDS), and loses what it gets while it is unconfigured.
@@ -300,8 +289,8 @@ class PoseWatch:
         if self._promised_at is None:
             self._promised_at = now
 
-    def look(self, *, driving: bool, unsure: bool, now: float) -> bool:
-        """Return whether to request a pose; ``unsure``: the newest one is unreliable."""
+    def wants_pose(self, *, driving: bool, unsure: bool, now: float) -> bool:
+        """Return whether to request a pose, and update ``lost``; ``unsure``: the newest one is unreliable."""
         if self._pose_at is None:
             return False
         if not driving and not unsure and not self.lost:

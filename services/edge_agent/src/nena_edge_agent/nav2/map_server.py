@@ -107,7 +107,7 @@ class MapServer:
         """Return whether a map was enabled, even in an earlier run, and no position on it was set since."""
         return self._mark is not None and self._mark.exists()
 
-    def placed(self) -> None:
+    def record_placed(self) -> None:
         """Record that the robot's pose on the map is known."""
         if self._mark is None:
             return
@@ -143,7 +143,7 @@ class MapServer:
         if self._user is not None and map_id != before:
             self._user.use_map(map_id)
 
-    def look(self) -> bool:
+    def needs_load(self) -> bool:
         """Return whether :meth:`load_again` is due: a map_server has appeared, with its own map.
 
         While a map is being loaded, it is not due.
@@ -154,7 +154,7 @@ class MapServer:
             self._publishers = frozenset()
             return False
         found = self._node.get_publishers_info_by_topic(self._settings.names.map)
-        publishers = frozenset(bytes(each.endpoint_gid) for each in found)
+        publishers = frozenset(bytes(publisher.endpoint_gid) for publisher in found)
         appeared, self._publishers = bool(publishers - self._publishers), publishers
         if not self._file or not (appeared or self._problem):
             return False
@@ -175,11 +175,17 @@ class MapServer:
 
     async def _load_in_turn(self, file: str) -> None:
         """Make map_server load a file, and clear the costmaps of the previous map."""
+        from rcl_interfaces.srv import GetParameters  # noqa: PLC0415 - the loopback needs no ROS
+
         session = self._session
         if session is None:
             message = "the robot's ROS session is not active"
             raise MapNotLoadedError(message)
-        self._own_file = self._own_file or await self._file_of_server()
+        if not self._own_file:  # the map of its own settings, to which "" switches back
+            own = GetParameters.Request(names=["yaml_filename"])
+            own_answer = await self._parameters.call(own, seconds=self._settings.call_timeout)
+            if own_answer is not None and own_answer.values:
+                self._own_file = str(own_answer.values[0].string_value)
         path = file or self._own_file
         if not path:
             message = "map_server has no file for the robot's own map (yaml_filename)"
@@ -197,13 +203,6 @@ class MapServer:
         for name, client in self._clear:
             if await client.call(self._clear_request(), seconds=self._settings.call_timeout) is None:
                 log.warning("a costmap was not cleared", service=name)
-
-    async def _file_of_server(self) -> str:
-        from rcl_interfaces.srv import GetParameters  # noqa: PLC0415 - the loopback needs no ROS
-
-        request = GetParameters.Request(names=["yaml_filename"])
-        answer = await self._parameters.call(request, seconds=self._settings.call_timeout)
-        return str(answer.values[0].string_value) if answer is not None and answer.values else ""
 
 
 MakeMapServer = Callable[[MapUser], MapServer | None]

@@ -135,11 +135,11 @@ class Nav2Node:
         return Presence(
             servers=self.clients[Server.NAVIGATOR].server_ids(),
             goal_listeners=self._goals.get_subscription_count(),
-            lifecycle=self._lifecycle_watch.judge(
+            lifecycle=self._lifecycle_watch.update(
                 there=there, active=None if active is None else bool(active.success)
             ),
             localisers=endpoints(self._node.get_publishers_info_by_topic(self._settings.names.pose)),
-            localiser=self._localiser_watch.judge(
+            localiser=self._localiser_watch.update(
                 there=localiser,
                 active=None if state is None else state.current_state.id == State.PRIMARY_STATE_ACTIVE,
             ),

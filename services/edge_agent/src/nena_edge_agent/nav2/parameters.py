@@ -104,14 +104,11 @@ class ParameterReader:
             *(self._read_number(self._controller, f"{follower}.{name}") for name in SPEEDS)
         )
         speed = next((value for value in speeds if value is not None and value > 0), None)
-        contour = await self._read_contour()
-        return Nav2Parameters(*numbers, speed=speed, contour=contour, complete=self._answered)
-
-    async def _read_contour(self) -> Contour:
-        text, radius = await asyncio.gather(
+        footprint, radius = await asyncio.gather(
             self._read_parameter(self._costmap, "footprint"), self._read_number(self._costmap, "robot_radius")
         )
-        return contour_of(text if isinstance(text, str) else "", radius)
+        contour = contour_of(footprint if isinstance(footprint, str) else "", radius)
+        return Nav2Parameters(*numbers, speed=speed, contour=contour, complete=self._answered)
 
     async def _read_first(self, client: LateClient, name: str, default: str) -> str:
         """Return the first plug-in of a list."""

@@ -85,8 +85,9 @@ class PlannerWatch:
         self._there = False
         self.gone = False
 
-    def look(self, publishers: frozenset[str]) -> bool:
+    def has_just_gone(self, publishers: frozenset[str]) -> bool:
         """Handle the endpoint IDs of the plan's publishers; return whether the planner has just gone."""
+        # Nav2's bond takes 4 s, and stops nothing: the next replanning would fail.
         just_gone = self._there and not publishers
         self._there = bool(publishers)
         self.gone = not publishers and (self.gone or just_gone)
@@ -100,7 +101,7 @@ class LifecycleWatch:
         self._misses = 0
         self._known = Lifecycle.ABSENT
 
-    def judge(self, *, there: bool, active: bool | None) -> Lifecycle:
+    def update(self, *, there: bool, active: bool | None) -> Lifecycle:
         """Record whether the service is present, and its answer (None: no answer)."""
         # Robots without Nav2's lifecycle manager have no such service.
         if not there:
@@ -115,14 +116,25 @@ class LifecycleWatch:
         return self._known
 
 
-def judge(
+def judge_navigation(
     presence: Presence, settings: RosSettings, *, pose_known: bool, seconds: float = math.inf
 ) -> NavigationReport:
     """Return whether goals can be sent now; ``seconds`` is how long Nav2 has been searched for."""
-    missing = _missing_part(presence, settings, pose_known=pose_known)
+    names, where = settings.names, _describe_place(settings)
+    missing: str | None
+    if not presence.servers:
+        missing = f"no node publishes {status_of(settings.action)} {where}: is Nav2 running there?"
+    elif not _takes_goals(presence, settings):
+        doing = f"listens to {names.goal_pose}"
+        if settings.by_action_only:
+            doing = f"serves the action {settings.action}"
+        missing = f"no node {doing} {where}: is bt_navigator configured?"
+    else:
+        missing = _inactive_part(presence, settings, pose_known=pose_known)
+    # Right after the start, DDS may not have found everything yet.
     there = presence.servers and _takes_goals(presence, settings) and pose_known
     if missing and not there and seconds < DISCOVERY and presence.lifecycle in INCONCLUSIVE:
-        missing = f"the agent has just started and is searching for Nav2 {_describe_place(settings)}"
+        missing = f"the agent has just started and is searching for Nav2 {where}"
         return NavigationReport(available=False, reason=missing, starting=True)
     return NavigationReport(available=missing is None, reason=missing or "")
 
@@ -133,21 +145,10 @@ def _takes_goals(presence: Presence, settings: RosSettings) -> bool:
     return by_topic or (presence.action and settings.navigation is not Navigation.TOPICS)
 
 
-def _missing_part(presence: Presence, settings: RosSettings, *, pose_known: bool) -> str | None:
-    names, where = settings.names, _describe_place(settings)
-    if not presence.servers:
-        return f"no node publishes {status_of(settings.action)} {where}: is Nav2 running there?"
-    if not _takes_goals(presence, settings):
-        doing = f"listens to {names.goal_pose}"
-        if settings.by_action_only:
-            doing = f"serves the action {settings.action}"
-        return f"no node {doing} {where}: is bt_navigator configured?"
-    return _inactive_part(presence, settings, pose_known=pose_known)
-
-
 def _inactive_part(presence: Presence, settings: RosSettings, *, pose_known: bool) -> str | None:
     """Return what a Nav2 that is present still lacks."""
     names, where = settings.names, _describe_place(settings)
+    # The planner's activation waits 60 s for a pose and gives up for good (Jazzy, 1.3): the pose comes first.
     problem = LIFECYCLE_PROBLEMS.get(presence.lifecycle)
     if problem and not pose_known:
         return f"no pose received on {names.pose} {where}, and Nav2 is not active: {POSE_FIRST}"

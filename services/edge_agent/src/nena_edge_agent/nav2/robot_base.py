@@ -182,8 +182,14 @@ class Battery:
         """Return the report for a reading; none if the charge was not measured."""
         if not math.isfinite(reading.percentage):
             return None
-        self._check_scale(reading.percentage)
         # sensor_msgs/BatteryState defines 0 to 1; many drivers send 0 to 100.
+        if self._scale == "fraction" and reading.percentage > SUSPICIOUS_FRACTION and not self._warned:
+            self._warned = True
+            log.warning(
+                "the battery's percentage is above 1: if the robot sends percent, "
+                "set ros.battery_scale to percent",
+                percentage=reading.percentage,
+            )
         percent = reading.percentage * (100.0 if self._scale == "fraction" else 1.0)
         return BatteryReport(
             state_of_charge=min(100.0, max(0.0, percent)),
@@ -191,15 +197,6 @@ class Battery:
             voltage=_if_measured(reading.voltage),
             current=_if_measured(reading.current),
         )
-
-    def _check_scale(self, percentage: float) -> None:
-        if self._scale == "fraction" and percentage > SUSPICIOUS_FRACTION and not self._warned:
-            self._warned = True
-            log.warning(
-                "the battery's percentage is above 1: if the robot sends percent, "
-                "set ros.battery_scale to percent",
-                percentage=percentage,
-            )
 
 
 def _if_measured(value: float) -> float | None:
@@ -228,7 +225,7 @@ class CollisionMonitor:
         kind = interface(COLLISION_MONITOR)
         session.subscribe(node, kind, self._topic, RELIABLE, read=report_of, handle=self._on_collision)
 
-    def look(self) -> None:
+    def report_silent(self) -> None:
         """Report a monitor that has not published its state yet."""
         if not self._reported and self._node.count_publishers(self._topic):
             self._reported = True

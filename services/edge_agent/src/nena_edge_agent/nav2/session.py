@@ -7,6 +7,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from typing import Any, Generic, TypeVar
 
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -218,7 +219,7 @@ class RosSession:
             with ExitStack() as stack:
                 try:
                     executor = self._open_node(stack, populate)
-                    self.post(self._become_active)
+                    self.post(self._begin_session)
                     while not self._stop.is_set():
                         executor.spin_once()
                 except Exception as error:  # any failure has to reach the program
@@ -226,20 +227,13 @@ class RosSession:
                         "ROS session has failed", domain_id=self._domain_id, namespace=self._namespace
                     )
                     reason = str(error) or type(error).__name__
-                    self._tell_failure(reason)
+                    # The loop is told before the node is destroyed: nothing in it uses the node afterwards.
+                    told = threading.Event()
+                    self.post(partial(self._end_session, reason))
+                    self.post(told.set)
+                    told.wait(LOOP_TIMEOUT)
         finally:
             self.post(lambda: self._end_session(reason))
-
-    def _tell_failure(self, reason: str) -> None:
-        """Tell the loop before the node is destroyed: nothing in the loop uses it afterwards."""
-        told = threading.Event()
-
-        def tell() -> None:
-            self._end_session(reason)
-            told.set()
-
-        self.post(tell)
-        told.wait(LOOP_TIMEOUT)
 
     def _open_node(self, stack: ExitStack, populate: Callable[[Any], None]) -> SingleThreadedExecutor:
         # A context of its own: a robot can change its domain, and its end leaves others alone.
@@ -262,7 +256,7 @@ class RosSession:
         executor.add_node(node)
         return executor
 
-    def _become_active(self) -> None:
+    def _begin_session(self) -> None:
         if self.state is SessionState.INITIATING:
             self.state = SessionState.ACTIVE
         self._began.set()
@@ -307,11 +301,8 @@ class LateClient:
         if self._client is None:
             return None
         loop = asyncio.get_running_loop()
-        while not self._found_server():
+        while self._session.state is SessionState.ACTIVE and not self._client.service_is_ready():
             if loop.time() - self._created_at >= seconds:
                 break
             await asyncio.sleep(LOOK_PERIOD)
         return await self._session.call(self._client, request, seconds=seconds)
-
-    def _found_server(self) -> bool:
-        return self._session.state is not SessionState.ACTIVE or bool(self._client.service_is_ready())

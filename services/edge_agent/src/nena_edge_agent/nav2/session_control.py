@@ -143,7 +143,7 @@ class SessionManager:
             else:
                 self.report_stopped()
 
-    async def look(self) -> None:
+    async def retry_failed(self) -> None:
         """Retry after a failure, if due."""
         if self.state is not SessionState.FAILED or self._clock.monotonic() < self._again_at:
             return

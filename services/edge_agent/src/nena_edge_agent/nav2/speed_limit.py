@@ -90,7 +90,7 @@ class SpeedLimiter:
             "is controller_server running?"
         )
 
-    def for_goal(self, limit: float | None) -> None:
+    def limit_goal(self, limit: float | None) -> None:
         """Set the limit of the current goal, m/s; None: no limit."""
         self._of_goal, self._reclaimed = limit, False
         self._repeat_limit()
@@ -103,14 +103,14 @@ class SpeedLimiter:
         else:
             ends = isinstance(event, Arrived | Halted)
         if ends:
-            self.for_goal(None)
+            self.limit_goal(None)
 
-    def for_place(self, limit: float | None) -> None:
+    def limit_place(self, limit: float | None) -> None:
         """Set the limit at the robot's current or next position, m/s; None: no limit."""
         self._of_place = limit
         self._send_limit()
 
-    def look(self) -> None:
+    def check_controllers(self) -> None:
         """Send the limit to a controller that has appeared since the last check, and repeat a current one."""
         if self._session is None or not self._is_active:
             return
@@ -121,7 +121,7 @@ class SpeedLimiter:
         self._listeners = listeners
         self._repeat_limit()
 
-    def drives(self, now: float) -> None:
+    def repeat_while_driving(self, now: float) -> None:
         """Repeat a current limit while the robot drives; ``now`` is the monotonic time in s."""
         if now - self._repeated_at >= REPEATED_AFTER:
             self._repeated_at = now

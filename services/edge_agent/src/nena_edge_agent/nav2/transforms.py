@@ -149,7 +149,7 @@ class TransformWatch:
         missing = self._chain.missing
         return missing and f"{missing} for {self._settings.transform_timeout:g} s"
 
-    def look(self) -> None:
+    def choose_source(self) -> None:
         """Subscribe if nothing publishes poses, and unsubscribe if something does."""
         source = self._settings.pose_source
         if source is PoseSource.TOPIC or self._session is None:

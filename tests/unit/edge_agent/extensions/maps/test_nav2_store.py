@@ -97,7 +97,7 @@ async def test_a_missing_position_on_the_map_is_remembered_after_a_restart(tmp_p
 
     _, server = store(tmp_path)
     assert server.unplaced
-    server.placed()
+    server.record_placed()
 
     _, last = store(tmp_path)
     assert not last.unplaced

@@ -98,7 +98,7 @@ class Nav2MapStore(FolderMapStore):
             await server.use(map_id, self._description_file(map_id, map_version))
         except MapNotLoadedError as error:
             if placed:
-                server.placed()
+                server.record_placed()
             raise MapRefusedError(str(error)) from error
         except OSError as error:
             message = f"the map was not enabled: {error.strerror}"
