@@ -182,6 +182,7 @@ def _access_findings(settings: EdgeAgentSettings, refused: list[str], not_writte
     robot = RobotKey(settings.manufacturer, settings.serial_number)
     scheme = topics_for(settings.version, settings.interface_name)
     subtree = f"{scheme.interface_name}/{scheme.major_version}/{robot}"
+    # A broker may accept a login and refuse topics: the agent would then wait for orders in vain.
     if refused:
         remedy = f"in the broker's access list, allow this user to read {', '.join(refused)}"
         return missing(Link.ACCESS, f"may not subscribe to {', '.join(refused)}", remedy)

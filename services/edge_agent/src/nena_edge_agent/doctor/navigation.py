@@ -83,6 +83,7 @@ def kernel_keeps_time() -> bool | None:
 
 def judge_clock(*, kept: bool | None, ros_offset: float | None) -> LinkFinding:
     """Check the clock by the kernel's status and the offset of ROS time stamps, s."""
+    # Simulated time starts at 0: such stamps are decades off, and transforms would never match.
     if ros_offset is not None and abs(ros_offset) > MOST_OFF:
         return missing(
             Link.CLOCK,
@@ -133,10 +134,10 @@ def judge_map(
         return ok(Link.MAP, agreed)
     if not view.servers:
         return LinkFinding(Link.MAP, LinkVerdict.UNKNOWN, f"{agreed}; more needs the {Link.NAMESPACE}")
-    return _nav2_map(view, settings, agreed)
+    return _nav2_map_finding(view, settings, agreed)
 
 
-def _nav2_map(view: RosView, settings: RosSettings, agreed: str) -> LinkFinding:
+def _nav2_map_finding(view: RosView, settings: RosSettings, agreed: str) -> LinkFinding:
     grid, pose = view.grid, view.pose
     if grid is None:
         text = f"{agreed}; no node publishes a map to compare the position with"
@@ -196,15 +197,16 @@ def _navigation_finding(view: RosView, settings: RosSettings) -> LinkFinding:
         return missing(Link.NAVIGATION, f"{names.lifecycle} reports that Nav2 is not active", remedy)
     if view.lifecycle is Lifecycle.SILENT:
         return missing(Link.NAVIGATION, f"{names.lifecycle} does not answer", "Nav2 hangs: restart it")
+    # bt_navigator subscribes from "configure" on: a subscription alone does not show that it is active.
     if not view.goal_listeners:
         remedy = "check that bt_navigator is configured and active; ros.names.goal_pose names the topic"
         return missing(Link.NAVIGATION, f"no node subscribes to {names.goal_pose}", remedy)
     state = "active" if view.lifecycle is Lifecycle.ACTIVE else "available; it has no lifecycle manager"
     text = f"{state}, and accepts goals on {names.goal_pose}{_describe_drives(view)}"
-    return _with_settings(view, settings, text)
+    return _settings_finding(view, settings, text)
 
 
-def _with_settings(view: RosView, settings: RosSettings, text: str) -> LinkFinding:
+def _settings_finding(view: RosView, settings: RosSettings, text: str) -> LinkFinding:
     """Check whether a working Nav2, described by ``text``, supports the settings."""
     tolerance, path_action = settings.goals.goal_tolerance, settings.names.follow_path
     if tolerance is not None and view.tolerance is not None and tolerance < view.tolerance:

@@ -106,6 +106,7 @@ class ActionClient:
         """Return whether a server is present that accepts goals."""
         if self._goals is None:
             return False
+        # server_is_ready stays true for 20 s after a crash, so a restart is seen by the endpoint IDs instead.
         return bool(self._goals.service_is_ready() and self._results.service_is_ready())
 
     def server_ids(self) -> frozenset[str]:
@@ -155,7 +156,7 @@ class ActionClient:
         request = self._types.Impl.GetResultService.Request()
         request.goal_id.uuid = list(bytes.fromhex(goal_id))
         self._result_request = self._results.call_async(request)
-        self._result_request.add_done_callback(lambda future: self._take_result(goal_id, future.result()))
+        self._result_request.add_done_callback(lambda future: self._pass_result(goal_id, future.result()))
 
     def _is_feedback_due(self) -> bool:
         # Deserialising each message of 100 Hz would take most of the time of this thread.
@@ -165,10 +166,11 @@ class ActionClient:
         self._feedback_due_at = now + FEEDBACK_PERIOD
         return True
 
-    def _take_result(self, goal_id: str, answer: Any) -> None:  # noqa: ANN401
+    def _pass_result(self, goal_id: str, answer: Any) -> None:  # noqa: ANN401
         """Pass a result to the event loop; runs in the ROS thread, also for a request without an answer."""
         if answer is None:
             return
+        # Over action_server_result_timeout (900 s) Nav2 answers status 0, code 0: GoalStatus.UNKNOWN.
         outcome = answer.result
         # Humble has neither field, Iron the code alone.
         code, message = getattr(outcome, "error_code", None), str(getattr(outcome, "error_msg", ""))

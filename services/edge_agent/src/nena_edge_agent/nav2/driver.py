@@ -347,6 +347,7 @@ class Nav2Driver:
             on_plan=self._on_plan,
         )
         await node.start(self._on_failure)
+        # What is known of the previous node's servers does not hold at another address.
         self._silence = SilenceWatch()  # this one's robot may have no odometry
         self._planner = presence.PlannerWatch()
         self._node, self._looking_since = node, self._clock.monotonic()
@@ -488,6 +489,7 @@ class Nav2Driver:
 
         A server that is starting or busy may not report all of them yet; they are read again later.
         """
+        # Nav2 may have been restarted with other parameters while it was unavailable.
         was_available = self._navigation is not None and self._navigation.available
         if not was_available:
             self._readings = READINGS
@@ -672,6 +674,7 @@ class Nav2Driver:
     def _on_plan(self, plan: tuple[str, tuple[tuple[float, float], ...]]) -> None:
         """Report a plan for our own drive; its end distinguishes it from plans of other clients."""
         frame, points = plan
+        # planner_server publishes each plan, also those that other clients only compute (ComputePathToPose).
         ours = frame.removeprefix("/") == self._settings.frame
         if ours and len(points) > 1 and self._tracker.navigator.wants(points[-1]):
             self._report_event(PlanReport(points, self._map_id))
@@ -705,6 +708,7 @@ class Nav2Driver:
             return
         match command:
             case PublishGoal(goal):
+                # bt_navigator subscribes best effort (Fast DDS, Jazzy): the goal may be lost, and is resent.
                 node.publish_goal(goal.pose)
                 self._log.info("goal published", generation=goal.generation, x=goal.pose.x, y=goal.pose.y)
                 self._loop.call_soon(node.prepare_stop)
@@ -755,6 +759,7 @@ class Nav2Driver:
     def _check_timeouts(self, due: float) -> None:
         """Check the timeouts; if the loop was delayed during a drive, first read what has arrived."""
         self._ticking = None
+        # Status arrays and poses that arrived meanwhile are not read yet: a timeout would be premature.
         if self._tracker.wanted is not None and self._loop.time() - due > HELD_UP:
             self._ticking = self._loop.call_later(HELD_UP, self._check_timeouts, inf)
             return

@@ -355,6 +355,7 @@ class GoalTracker:
         """Handle the result of a goal: its last status, and its ``error_code`` and ``error_msg``, if any."""
         goal_id, status, reason = result.goal_id, result.status, result.reason
         self._registry.record_end(goal_id, status)
+        # A cancelled goal may carry the code of a plan that failed before (208, seen in Jazzy 1.3.13).
         if status.terminal and reason is not None:
             self._reason = (goal_id, reason[0], meaning_of(*reason))
         if status.terminal:
@@ -461,6 +462,7 @@ class GoalTracker:
 
     def on_navigation(self, report: NavigationReport, now: float) -> list[Command]:
         """Record whether goals can be sent."""
+        # A lifecycle PAUSE and a SIGTERM of Nav2 end the goal as aborted with code 0 (Jazzy, 1.3.13).
         lost = self._navigation.available and not report.available
         # A deactivated Nav2 aborts, but a hanging one may drive on.
         if lost and self._registry.live:
@@ -476,7 +478,12 @@ class GoalTracker:
 
     def _advance_all(self, now: float) -> list[Command]:
         # In this order: ends first, then halts and arrivals, then goals to send, then goals to cancel.
-        self._await_reason(now)
+        # An aborted goal ends once its reason is known, or does not come.
+        drive = self._drive
+        if self._aborted is not None and drive is not None and drive.goal_id == self._aborted[0]:
+            self._follow_status(drive, drive.goal_id, now, lost=False)
+        else:
+            self._aborted = None
         if self._registry.end_yielding(now):
             self._report_table()
         # Once per goal, also for one of an earlier run or sent by topic: only the result has the error code.
@@ -488,7 +495,12 @@ class GoalTracker:
         self._judge_arrival(now)
         self._send_or_give_up(now)
         self._stop_motion(now)
-        self._release_reclaimed(now)
+        # The order may request the goal of an earlier run for a while; then it is cancelled.
+        if self._reclaimed is not None and self._registry.settled(now):
+            if self._reclaimed_until is None:
+                self._reclaimed_until = now + RECLAIM_TIME
+            if now >= self._reclaimed_until:
+                self._reclaimed = None
         self._cancel_leftovers(now)
         self._refresh_pose(now)
         commands, self._out = self._out, []
@@ -519,16 +531,6 @@ class GoalTracker:
         elif status is GoalStatus.ABORTED:
             self._fail_aborted(drive, goal_id)
 
-    def _await_reason(self, now: float) -> None:
-        """End the drive to an aborted goal whose reason is known by now, or does not come."""
-        drive = self._drive
-        if self._aborted is None:
-            return
-        if drive is not None and drive.goal_id == self._aborted[0]:
-            self._follow_status(drive, drive.goal_id, now, lost=False)
-        else:
-            self._aborted = None
-
     def _fail_aborted(self, drive: GoalDrive, goal_id: str) -> None:
         successor, (failed_id, code, meaning) = self._registry.taken_over(goal_id), self._reason
         explained, text = failed_id == goal_id, f"Nav2 has aborted the goal {goal_id}"
@@ -540,6 +542,7 @@ class GoalTracker:
         elif successor is not None:
             text = f"the goal {goal_id} was replaced by another program's goal ({successor})"
             self._fail_drive(drive, DriveFailure.TAKEN_OVER, text)
+        # Code 0: Nav2 was deactivated, or one of its servers did not answer within default_server_timeout.
         elif explained or not self._navigation.available:
             self._fail_drive(drive, DriveFailure.ABORTED, f"{text}: {WITHOUT_REASON}", transient=True)
         else:
@@ -557,7 +560,10 @@ class GoalTracker:
         halt.may_move = halt.may_move or registry.orphaned or self._runaway or self._standstill.moving
         # A goal on its way may still start the robot: a halt cannot be confirmed before it is listed or
         # given up.
-        if registry.awaiting(now) or registry.may_still_drive(now) or self._searches_navigator(halt, now):
+        # After a start, DDS may need a while to find the navigator of an earlier run's goals.
+        since = halt.asked_at if self._no_server_since is None else self._no_server_since
+        searches = registry.orphaned and not self._server_found and now - since < RECLAIM_SERVER_WAIT
+        if registry.awaiting(now) or registry.may_still_drive(now) or searches:
             halt.since = now
             unsettled = True
         else:
@@ -592,11 +598,6 @@ class GoalTracker:
         if halt.quiet_at is None or (self._left_alone and not self._stop_answered):
             return False
         return not halt.may_move or now - halt.quiet_at >= self._settings.standstill_timeout
-
-    def _searches_navigator(self, halt: _Halt, now: float) -> bool:
-        """Return whether the navigator of an earlier run's goals may still be found after the start."""
-        since = halt.asked_at if self._no_server_since is None else self._no_server_since
-        return self._registry.orphaned and not self._server_found and now - since < RECLAIM_SERVER_WAIT
 
     @property
     def _left_alone(self) -> bool:
@@ -648,7 +649,9 @@ class GoalTracker:
         elif drive.may_be_undriven and not self._may_agree(drive.goal):
             self._resend_undriven(drive)
         elif drive.pose_may_come(now, self._settings.pose_wait):
-            self._request_pose(drive, now)
+            if drive.pose_asked_at is None or self._pose_at > drive.pose_asked_at:
+                drive.pose_asked_at = now
+                self._out.append(RequestPose())
         elif drive.may_be_undriven:
             self._resend_undriven(drive)
         elif self._pose_at < drive.reached_at and self._may_agree(drive.goal):
@@ -679,11 +682,6 @@ class GoalTracker:
         """
         log.info("goal succeeded elsewhere; sending it again", generation=drive.goal.generation)
         self._drive = GoalDrive(drive.goal)
-
-    def _request_pose(self, drive: GoalDrive, now: float) -> None:
-        if drive.pose_asked_at is None or self._pose_at > drive.pose_asked_at:
-            drive.pose_asked_at = now
-            self._out.append(RequestPose())
 
     def _may_agree(self, goal: DriveGoal) -> bool:
         """Return whether a pose from before the stop is compatible with a robot at the goal."""
@@ -742,7 +740,10 @@ class GoalTracker:
         goal_id, place = self._registry.given_before, goals.given
         if not goal_id:
             goal_id, place = next(reversed(goals.goal_ids), None), goals.pose
-        if goal_id is None or place is None or not _same_place(place, drive.goal):
+        if goal_id is None or place is None or place.map_id != drive.goal.pose.map_id:
+            return False
+        theta = None if drive.goal.deviation_theta is None else SAME
+        if not near(place, drive.goal.pose, xy=SAME, theta=theta):
             return False
         status = self._registry.status(goal_id)
         reached = status is GoalStatus.SUCCEEDED and self._may_agree(drive.goal)
@@ -755,15 +756,6 @@ class GoalTracker:
         drive.interrupted = True  # the earlier run may have stopped its controller, or preempted another goal
         drive.reached_at = now if reached else None
         return True
-
-    def _release_reclaimed(self, now: float) -> None:
-        """Release the goal of an earlier run if the order does not request it within ``RECLAIM_TIME``."""
-        if self._reclaimed is None or not self._registry.settled(now):
-            return
-        if self._reclaimed_until is None:
-            self._reclaimed_until = now + RECLAIM_TIME
-        if now >= self._reclaimed_until:
-            self._reclaimed = None
 
     def _may_send(self, now: float) -> bool:
         """Return whether a goal can be sent: while another is cancelled, a new one would end with it."""
@@ -845,8 +837,3 @@ class GoalTracker:
 
     def _report_event(self, event: DriverEvent) -> None:
         self._out.append(Report(event))
-
-
-def _same_place(pose: Pose, goal: DriveGoal) -> bool:
-    theta = None if goal.deviation_theta is None else SAME
-    return pose.map_id == goal.pose.map_id and near(pose, goal.pose, xy=SAME, theta=theta)

@@ -307,9 +307,20 @@ class GoalRegistry:
         first, self._array_seen = not self._array_seen, True
         previous, self._goals = self._goals, {}
         self._find_given_before([entry.goal_id for entry in entries])
-        claimed = self._claim_ids(
-            [entry.goal_id for entry in entries if entry.goal_id not in previous], first=first
-        )
+        strange = [
+            entry.goal_id
+            for entry in entries
+            if not (
+                entry.goal_id in previous
+                or entry.goal_id in self._orphans
+                or self._prefix.matches(entry.goal_id)
+            )
+        ]
+        # Of the first array at most the last new ID is ours.
+        claimed = tuple((strange[-1:] if first else strange)[: self._claims])
+        self._claims -= len(claimed)
+        if claimed:
+            self._awaited = False
         for entry in entries:
             ours = (
                 self._prefix.matches(entry.goal_id)
@@ -327,20 +338,10 @@ class GoalRegistry:
         )
         return StatusChanges(claimed, lost)
 
-    def _claim_ids(self, fresh: Sequence[str], *, first: bool) -> tuple[str, ...]:
-        """Return the new IDs that are ours: of a first array, which lists old goals, at most the last one."""
-        strange = [
-            goal_id for goal_id in fresh if goal_id not in self._orphans and not self._prefix.matches(goal_id)
-        ]
-        claimed = tuple((strange[-1:] if first else strange)[: self._claims])
-        self._claims -= len(claimed)
-        if claimed:
-            self._awaited = False
-        return claimed
-
     def _find_given_before(self, listed: list[str]) -> None:
         """Find the goal that an earlier run sent last: by its prefix, or by its place behind a known goal."""
         behind, self._given_behind = self._given_behind, None
+        # Goals of the action have the prefix; of goals by topic only their order is known.
         newest = next((goal_id for goal_id in reversed(listed) if self._prefix.matches(goal_id)), None)
         if behind is None or (newest is None and behind and behind not in listed):
             return

@@ -53,6 +53,7 @@ def mask_of(polygons: Sequence[Sequence[Point]], resolution: float) -> Mask:
         return NOTHING
     least_x, least_y = min(x for x, _ in points), min(y for _, y in points)
     wide, high = max(x for x, _ in points) - least_x, max(y for _, y in points) - least_y
+    # The last term is for an area without width: its rows alone could be too many.
     cell = max(resolution, math.sqrt(wide * high / CELLS_LIMIT), max(wide, high) / CELLS_LIMIT)
     width, height = int(wide / cell) + 1, int(high / cell) + 1
     rows = [bytearray(width) for _ in range(height)]
@@ -115,6 +116,7 @@ def misplaced_filter(node: Any, names: RosNames) -> str:  # noqa: ANN401
 
     A costmap's node has a namespace of its own, in which Nav2 looks for a name without a leading '/'.
     """
+    # Seen in Jazzy, 1.3.13: the planner logs "Filter mask was not received", and drives through the area.
     space, _, name = node.resolve_topic_name(names.zone_filter_info).rpartition("/")
     topics = (topic for topic, _ in node.get_topic_names_and_types())
     ours = (topic for topic in topics if topic.startswith(f"{space}/") and topic.endswith(f"_costmap/{name}"))
@@ -180,6 +182,7 @@ class KeepOutMask:
         if not problem:
             self._unused_since = None
             return KeepOutReport("")
+        # DDS needs a while to match the costmaps with new publishers.
         self._unused_since = now if self._unused_since is None else self._unused_since
         return KeepOutReport(problem) if now - self._unused_since >= DISCOVERY else None
 

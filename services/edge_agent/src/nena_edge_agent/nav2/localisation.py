@@ -164,6 +164,7 @@ class LocaliserWatch:
         self._publishers, self._heard = publishers, False
         if self._missed:
             return "the localisation is not running: nothing publishes its pose"
+        # A restarted AMCL publishes nothing before an initial pose; the latched old one is gone with it.
         if previous and publishers - previous:
             return "the localisation was restarted; its earlier pose is no longer used"
         if inactive and not was_inactive:
@@ -220,6 +221,7 @@ class InitialPosition:
         """Handle a pose of the localisation that is newer than all before."""
         attempt = self._attempt
         self._latest = pose
+        # AMCL takes an initial pose within 0.24 s (Jazzy, 1.3), and answers with a pose only.
         if attempt is None or not near(
             pose,
             attempt.pose,
@@ -298,6 +300,7 @@ class PoseWatch:
             return False
         if now - self._pose_at < self._timeout:
             return False
+        # AMCL publishes after update_min_d or update_min_a: silence is normal at rest, not on the way.
         promised = self._promised_at is not None and now - self._promised_at >= self._wait
         self.lost = self.lost or promised or self._way >= SILENT_WAY
         if now - self._asked_at < self._wait:

@@ -124,6 +124,7 @@ class MapServer:
         Raises:
             MapNotLoadedError: map_server refuses, or the robot drives; nothing is changed.
         """
+        # Nav2 itself would load it in the middle of a drive, and the goal would go on (Jazzy, 1.3.13).
         if self._user is not None and self._user.drives:
             message = "the robot is moving: enable the map at standstill"
             raise MapNotLoadedError(message)
@@ -200,6 +201,7 @@ class MapServer:
             message = f"map_server did not load {path}: {reason}"
             raise MapNotLoadedError(message)
         log.info("map loaded", map_id=self.map_id, file=path)
+        # Costmaps take the new static layer by themselves; obstacles of the previous map would stay.
         for name, client in self._clear:
             if await client.call(self._clear_request(), seconds=self._settings.call_timeout) is None:
                 log.warning("a costmap was not cleared", service=name)

@@ -66,11 +66,6 @@ def cancel_request(goal_id: str) -> Any:  # noqa: ANN401
     return request
 
 
-def cancel_all_request() -> Any:  # noqa: ANN401
-    """Return the action_msgs/srv/CancelGoal request for all goals of a server: no ID and no stamp."""
-    return CancelGoal.Request()
-
-
 def _pose_message(pose: Pose) -> PoseMessage:
     message = PoseMessage()
     message.position.x = _finite_number(pose.x)
@@ -112,6 +107,7 @@ def pose_reading(message: Any) -> PoseReading:  # noqa: ANN401
     """
     place, turn = message.pose.pose.position, message.pose.pose.orientation
     yaw = yaw_of(turn.x, turn.y, turn.z, turn.w)
+    # rclpy accepts NaN and inf silently.
     if yaw is None or not (math.isfinite(place.x) and math.isfinite(place.y)):
         text = f"x {place.x}, y {place.y}, quaternion {turn.x} {turn.y} {turn.z} {turn.w}"
         raise UnusablePoseError(text)

@@ -100,7 +100,7 @@ class Nav2Node:
 
     async def stop_motion(self) -> bool:
         """Cancel all goals of servers that move the robot; return whether the controller answered."""
-        request, seconds = messages.cancel_all_request(), self._settings.call_timeout
+        request, seconds = CancelGoal.Request(), self._settings.call_timeout
         # Zero ID and zero stamp cancel all goals, also those of a navigator that has died (CancelGoal.srv).
         answered, *_ = await asyncio.gather(
             self._call_service(self._controller, request),
@@ -155,19 +155,35 @@ class Nav2Node:
         return await self._session.call(client, request, seconds=self._settings.call_timeout)
 
     def _create_endpoints(self, node: Any) -> None:  # noqa: ANN401
-        names, session = self._settings.names, self._session
+        names, session, subscribe = self._settings.names, self._session, self._session.subscribe
         self._node = node
         # Reliable matches bt_navigator's system default, which Fast DDS makes best effort, and Lyrical's
         # reliable one.
         self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE)
         self._initial_poses = node.create_publisher(PoseWithCovarianceStamped, names.initial_pose, RELIABLE)
+        # Each client delays the start; the others are created with the first goal that may need a stop.
         controller, *others = (f"{action}/_action/cancel_goal" for action in names.motions)
         self._controller = node.create_client(CancelGoal, controller)
         self._motions = [session.late_client(node, CancelGoal, name) for name in others]
         self._fresh_pose = session.late_client(node, Empty, names.fresh_pose)
         self._lifecycle = node.create_client(Trigger, names.lifecycle)
         self._localiser = node.create_client(GetState, names.localiser)
-        self._create_subscriptions(node)
+        subscribe(
+            node,
+            GoalStatusArray,
+            status_of(self._settings.other_action),
+            LATCHED,
+            read=messages.status_entries,
+            handle=self._on_other_statuses,
+        )
+        # AMCL latches its pose: at rest a late subscriber gets it only if it is reliable and transient
+        # local.
+        self._subscribe_to_pose(LATCHED)
+        subscribe(node, Odometry, names.odometry, SENSOR, read=messages.velocity, handle=self._on_velocity)
+        subscribe(node, Path, names.plan, RELIABLE, read=messages.plan_points, handle=self._on_plan)
+        subscribe(
+            node, BatteryState, names.battery, SENSOR, read=messages.battery_reading, handle=self._on_battery
+        )
         for extension in (*self.clients.values(), *self._extensions):
             extension.enter(session, node)
 
@@ -193,23 +209,4 @@ class Nav2Node:
             qos,
             read=messages.pose_reading,
             handle=self._on_pose,
-        )
-
-    def _create_subscriptions(self, node: Any) -> None:  # noqa: ANN401
-        names, subscribe = self._settings.names, self._session.subscribe
-        subscribe(
-            node,
-            GoalStatusArray,
-            status_of(self._settings.other_action),
-            LATCHED,
-            read=messages.status_entries,
-            handle=self._on_other_statuses,
-        )
-        # AMCL latches its pose: at rest a late subscriber gets it only if it is reliable and transient
-        # local.
-        self._subscribe_to_pose(LATCHED)
-        subscribe(node, Odometry, names.odometry, SENSOR, read=messages.velocity, handle=self._on_velocity)
-        subscribe(node, Path, names.plan, RELIABLE, read=messages.plan_points, handle=self._on_plan)
-        subscribe(
-            node, BatteryState, names.battery, SENSOR, read=messages.battery_reading, handle=self._on_battery
         )

@@ -45,6 +45,7 @@ def quaternion_of(yaw: float) -> tuple[float, float]:
 def localized(reading: PoseReading, settings: LocalisationSettings) -> bool:
     """Return whether the pose is certain enough; one without a valid variance is not."""
     xy_limit, yaw_limit = settings.xy_spread_limit**2, settings.theta_spread_limit**2
+    # A localiser without a covariance leaves zeros, which count as certain; NaN compares false.
     return (
         0.0 <= reading.x_variance <= xy_limit
         and 0.0 <= reading.y_variance <= xy_limit
@@ -69,6 +70,7 @@ def impossible(pose: Pose, map_id: str) -> str | None:
     """Return why a robot on the map ``map_id`` cannot be sent to ``pose``, None if it can."""
     if pose.map_id != map_id:
         return f"the goal is on map '{pose.map_id}', the robot on '{map_id}'"
+    # Nav2 refuses neither NaN nor inf, and its planner_server may crash on such a goal.
     if not all(map(math.isfinite, (pose.x, pose.y, pose.theta))):
         return f"x {pose.x}, y {pose.y}, heading {pose.theta} is not a valid pose"
     return None

@@ -156,6 +156,7 @@ def _inactive_part(presence: Presence, settings: RosSettings, *, pose_known: boo
         return f"{names.lifecycle} {where} {problem}"
     if presence.planner_gone:
         return f"no node publishes {names.plan} {where} any more: is {names.planner} running?"
+    # An inactive AMCL keeps an initial pose for its activation; an unconfigured one loses it.
     if presence.localiser is Lifecycle.INACTIVE:
         return f"{names.localiser} {where} reports an inactive localisation: activate it on the robot"
     if not pose_known:

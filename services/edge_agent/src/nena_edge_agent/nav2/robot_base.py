@@ -227,6 +227,7 @@ class CollisionMonitor:
 
     def report_silent(self) -> None:
         """Report a monitor that has not published its state yet."""
+        # Volatile, and only on change while commands flow (Jazzy, 1.3.13): a late subscriber knows nothing.
         if not self._reported and self._node.count_publishers(self._topic):
             self._reported = True
             self._on_report(CollisionReport(stops=None, polygon=""))

@@ -193,6 +193,7 @@ class RosSession:
         try:
             return future.result() if await set_within(answered, seconds) else None
         finally:
+            # rclpy keeps a request whose server has died for ever.
             client.remove_pending_request(future)
 
     def late_client(self, node: Any, kind: Any, name: str) -> LateClient:  # noqa: ANN401

@@ -42,21 +42,18 @@ def prepare_environment() -> None:
     go to a directory that is removed when the program ends. Threads share memory pools, because each new
     session would otherwise fill pools of its own, some megabytes in all.
     """
-    _limit_memory_pools()
+    # glibc's equivalent of MALLOC_ARENA_MAX; other C libraries have none.
+    if "MALLOC_ARENA_MAX" not in os.environ and hasattr(own := ctypes.CDLL(None), "mallopt"):
+        own.mallopt(M_ARENA_MAX, POOLS)
     # eProsima/Fast-DDS #6485: a shared memory port of a killed process can lock its neighbours.
     os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
     # rclpy reads the memory of any object in a float field as a double: 3 arrives as 5e-324.
     os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
+    # Without HOME, rclpy.init fails unless ROS_LOG_DIR is set; each process writes a file there.
     if "ROS_LOG_DIR" not in os.environ:
         directory = tempfile.mkdtemp(prefix="nena-edge-agent-ros-log-")
         atexit.register(shutil.rmtree, directory, ignore_errors=True)
         os.environ["ROS_LOG_DIR"] = directory
-
-
-def _limit_memory_pools() -> None:
-    """Set glibc's equivalent of MALLOC_ARENA_MAX; other C libraries have none."""
-    if "MALLOC_ARENA_MAX" not in os.environ and hasattr(own := ctypes.CDLL(None), "mallopt"):
-        own.mallopt(M_ARENA_MAX, POOLS)
 
 
 class NodeExtension(Protocol):
@@ -148,20 +145,17 @@ class SessionManager:
         if self.state is not SessionState.FAILED or self._clock.monotonic() < self._again_at:
             return
         async with self.step:
-            if self.state is SessionState.FAILED:
-                await self._retry_start()
+            if self.state is SessionState.FAILED:  # a command may have started it meanwhile
+                try:
+                    await self._open_session()
+                except SessionError as error:
+                    log.warning("ROS session could not start", address=str(self.address), reason=error.reason)
 
     def failed(self, reason: str) -> None:
         """Record that the session has ended unexpectedly."""
         if self.state is SessionState.ACTIVE:
             self._again_at = self._clock.monotonic()
             self._change_state(SessionState.FAILED, reason)
-
-    async def _retry_start(self) -> None:
-        try:
-            await self._open_session()
-        except SessionError as error:
-            log.warning("ROS session could not start", address=str(self.address), reason=error.reason)
 
     async def _open_session(self) -> None:
         self._change_state(SessionState.INITIATING)

@@ -55,6 +55,7 @@ class SpeedLimiter:
         kind = interface(SPEED_LIMIT)
         self._publisher = node.create_publisher(kind, self._topic, RELIABLE)
         self._session, self._node, self._kind = session, node, kind
+        # The subscriptions of the previous node say nothing about who has heard this publisher.
         self._listeners, self._sent = frozenset(), None
 
     def controller_drives(self, speed: float) -> None:
@@ -116,6 +117,7 @@ class SpeedLimiter:
             return
         subscriptions = self._node.get_subscriptions_info_by_topic(self._topic)
         listeners = frozenset(bytes(subscription.endpoint_gid) for subscription in subscriptions)
+        # A restarted controller has no limit: controller_server keeps none, and the topic is not latched.
         if listeners - self._listeners:
             self._sent = None
         self._listeners = listeners

@@ -40,15 +40,11 @@ class Trackers:
         self.current = self.navigator
         self._next: DriveGoal | None = None
 
-    def of_server(self, server: Server) -> GoalTracker:
-        """Return the tracker of a server."""
-        return self.controller if server is Server.CONTROLLER else self.navigator
-
     def update(
         self, server: Server, change: Callable[[GoalTracker], list[Command]], now: float
     ) -> list[Command]:
         """Tell the tracker of one server what its server has sent, and begin a waiting goal."""
-        tracker = self.of_server(server)
+        tracker = self.controller if server is Server.CONTROLLER else self.navigator
         return [*self._as_reported(tracker, change(tracker)), *self._begin_next(now)]
 
     @property
@@ -93,6 +89,7 @@ class Trackers:
         """Drop the goal and stop; answered by ``Halted`` or ``HaltFailed``."""
         self._next = None
         commands: list[Command] = []
+        # Another run of the program may have left a path to the controller.
         if self.current is self.navigator and self.controller.may_drive_earlier(now):
             commands += self.controller.halt(now)
         return [

@@ -155,6 +155,7 @@ class TransformWatch:
         if source is PoseSource.TOPIC or self._session is None:
             return
         topic = self._settings.names.pose
+        # A localisation that publishes poses tells their covariance, which transforms do not.
         published = source is PoseSource.AUTO and self._node.count_publishers(topic) > 0
         self._looks = 0 if published else self._looks + 1
         if published and self._subscriptions:
@@ -182,6 +183,7 @@ class TransformWatch:
 
     def _on_transforms(self, transforms: tuple[Transform, ...]) -> None:
         now = time.monotonic()
+        # Wheels and arms share the topic: only the ends of the chain are worth a computation.
         if not self._chain.put(transforms, now):
             return
         pose = self._chain.pose(now)
