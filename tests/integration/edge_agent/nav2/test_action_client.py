@@ -148,7 +148,7 @@ async def test_node_skipped_by_nav2_is_driven_to_separately(domain_id: int, peer
         beside, behind = Pose(5.0, 0.6, 0.0, MAP), Pose(10.0, 0.0, 0.0, MAP)
         await robot.driving(DriveGoal(1, beside, deviation_xy=0.5, ahead=(behind,)))
         await robot.hears(DriveProgress)
-        await until(lambda: not robot.driver._feedback.fresh(time.monotonic()), what="the end of feedback")
+        await until(lambda: not robot.driver._feedback.is_fresh(time.monotonic()), what="the end of feedback")
         way = count(40)
         place = 0.0
 

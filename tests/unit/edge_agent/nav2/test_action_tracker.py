@@ -457,7 +457,7 @@ def goal_of_passed_poses(*xs: float) -> DriveGoal:
 
 def test_covers_the_remaining_route_regardless_of_headings() -> None:
     way = PassedPoses()
-    way.begin(goal_of_passed_poses(1.0, 2.0, 3.0))
+    way.begin_route(goal_of_passed_poses(1.0, 2.0, 3.0))
     assert way.covers(goal_of_passed_poses(2.0, 3.0))
     assert way.covers(DriveGoal(2, place(3.0, theta=1.0), deviation_xy=0.3))
     assert not way.covers(goal_of_passed_poses(2.0, 3.0, 4.0))
@@ -467,37 +467,37 @@ def test_covers_the_remaining_route_regardless_of_headings() -> None:
 
 def test_a_single_pose_is_not_a_route() -> None:
     way = PassedPoses()
-    way.begin(goal_of_passed_poses(1.0))
+    way.begin_route(goal_of_passed_poses(1.0))
     assert not way.covers(goal_of_passed_poses(1.0))
 
 
 def test_a_dropped_pose_that_the_robot_turns_away_from_is_missed() -> None:
     way, wanted = PassedPoses(), goal_of_passed_poses(5.0, 10.0)
-    way.begin(wanted)
-    assert not way.missed(wanted, place(4.0, 1.0))
-    way.left(wanted, 2)
-    assert not way.missed(wanted, place(2.0, 1.0))
-    way.left(wanted, 1)
-    assert not way.missed(wanted, place(4.5, 0.6))
-    assert not way.missed(wanted, place(5.0, 0.6))
-    assert way.missed(wanted, place(6.0, 0.6))
+    way.begin_route(wanted)
+    assert not way.is_missed(wanted, place(4.0, 1.0))
+    way.on_places_left(wanted, 2)
+    assert not way.is_missed(wanted, place(2.0, 1.0))
+    way.on_places_left(wanted, 1)
+    assert not way.is_missed(wanted, place(4.5, 0.6))
+    assert not way.is_missed(wanted, place(5.0, 0.6))
+    assert way.is_missed(wanted, place(6.0, 0.6))
 
 
 def test_a_reached_pose_is_not_missed() -> None:
     way, wanted = PassedPoses(), goal_of_passed_poses(5.0, 10.0)
-    way.begin(wanted)
-    way.left(wanted, 1)
-    assert not way.missed(wanted, place(5.0, 0.2))
-    assert not way.missed(wanted, place(7.0))
+    way.begin_route(wanted)
+    way.on_places_left(wanted, 1)
+    assert not way.is_missed(wanted, place(5.0, 0.2))
+    assert not way.is_missed(wanted, place(7.0))
 
 
 def test_each_pose_is_checked_separately() -> None:
     way = PassedPoses()
-    way.begin(goal_of_passed_poses(5.0, 10.0, 15.0))
-    way.left(goal_of_passed_poses(5.0, 10.0, 15.0), 2)
-    assert not way.missed(goal_of_passed_poses(5.0, 10.0, 15.0), place(5.0, 0.6))
-    way.advance()
-    assert not way.missed(goal_of_passed_poses(10.0, 15.0), place(7.0))
+    way.begin_route(goal_of_passed_poses(5.0, 10.0, 15.0))
+    way.on_places_left(goal_of_passed_poses(5.0, 10.0, 15.0), 2)
+    assert not way.is_missed(goal_of_passed_poses(5.0, 10.0, 15.0), place(5.0, 0.6))
+    way.advance_goal()
+    assert not way.is_missed(goal_of_passed_poses(10.0, 15.0), place(7.0))
 
 
 READING = FeedbackReading("aa", 1.0, 2.0, 0.5, "map", 7.0, 0)
@@ -505,26 +505,26 @@ READING = FeedbackReading("aa", 1.0, 2.0, 0.5, "map", 7.0, 0)
 
 def test_a_pose_is_reported_after_a_distance() -> None:
     told = FeedbackFilter()
-    assert told.moved(READING, 0.0)
-    assert not told.moved(READING, 1.0)
-    assert not told.moved(replace(READING, x=1.04), 1.1)
-    assert told.moved(replace(READING, x=1.06), 1.2)
+    assert told.has_moved(READING, 0.0)
+    assert not told.has_moved(READING, 1.0)
+    assert not told.has_moved(replace(READING, x=1.04), 1.1)
+    assert told.has_moved(replace(READING, x=1.06), 1.2)
 
 
 def test_turning_on_the_spot_is_reported_too() -> None:
     told = FeedbackFilter()
-    told.moved(replace(READING, yaw=3.1), 0.0)
-    assert not told.moved(replace(READING, yaw=-3.15), 0.1), "nearly the same heading, across the seam"
-    assert told.moved(replace(READING, yaw=-2.9), 0.2)
-    assert told.moved(replace(READING, yaw=-2.7), 0.3)
+    told.has_moved(replace(READING, yaw=3.1), 0.0)
+    assert not told.has_moved(replace(READING, yaw=-3.15), 0.1), "nearly the same heading, across the seam"
+    assert told.has_moved(replace(READING, yaw=-2.9), 0.2)
+    assert told.has_moved(replace(READING, yaw=-2.7), 0.3)
 
 
 def test_is_fresh_for_a_while() -> None:
     told = FeedbackFilter()
-    assert not told.fresh(0.0)
-    told.moved(READING, 0.0)
-    assert told.fresh(0.4)
-    assert not told.fresh(0.6)
+    assert not told.is_fresh(0.0)
+    told.has_moved(READING, 0.0)
+    assert told.is_fresh(0.4)
+    assert not told.is_fresh(0.6)
 
 
 def test_progress_is_reported_each_second_and_recoveries_at_once() -> None:
@@ -549,7 +549,7 @@ class Silence:
     def __init__(self) -> None:
         self.watch, self.now = SilenceWatch(), 10.0
         self.reported: list[float] = []
-        self.watch.heard("a", self.now)
+        self.watch.on_feedback("a", self.now)
 
     def passes(self, seconds: float, live: tuple[str, ...] = ("a",), *, period: float = 0.05) -> None:
         for _ in range(round(seconds / period)):
@@ -564,7 +564,7 @@ def test_a_silence_is_reported_as_it_grows_and_each_time_once() -> None:
     assert silence.reported == []
     silence.passes(3.0)
     assert silence.reported == pytest.approx([0.5, 1.0, 2.0], abs=0.06)
-    silence.watch.heard("a", silence.now)
+    silence.watch.on_feedback("a", silence.now)
     silence.passes(0.4)
     assert len(silence.reported) == 3
     silence.passes(0.2)
@@ -585,7 +585,7 @@ def test_a_robot_without_a_goal_expects_no_feedback() -> None:
     silence.passes(5.0, ())
     silence.passes(5.0)
     assert silence.reported == [], "the next goal has had none yet"
-    silence.watch.heard("a", silence.now)
+    silence.watch.on_feedback("a", silence.now)
     silence.passes(0.6)
     assert len(silence.reported) == 1
 
@@ -596,7 +596,7 @@ def test_the_silence_of_a_goal_that_has_ended_is_not_the_next_ones() -> None:
     silence.passes(0.3)
     silence.passes(5.0, ("b",))
     assert silence.reported == []
-    silence.watch.heard("b", silence.now)
+    silence.watch.on_feedback("b", silence.now)
     assert silence.watch.silent_for(silence.now + 1.0, ("b",)) == 1.0
     assert silence.watch.silent_for(silence.now + 1.0, ("c",)) == 0.0
     silence.passes(0.6, ("c", "b"))

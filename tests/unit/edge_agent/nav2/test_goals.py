@@ -55,8 +55,8 @@ def test_as_many_new_ids_are_ours_as_goals_were_sent(registry: GoalRegistry) -> 
 
 def test_a_sent_goal_is_awaited_and_claims_an_id_for_twice_as_long(registry: GoalRegistry) -> None:
     registry.record_published(1.0)
-    assert registry.awaiting(3.9)
-    assert not registry.awaiting(4.0)
+    assert registry.is_awaiting(3.9)
+    assert not registry.is_awaiting(4.0)
     assert registry.update([GoalEntry("A", EXECUTING)], 6.9).claimed == ("A",)
 
 
@@ -76,17 +76,17 @@ def test_goal_of_ours_that_is_listed_no_more_is_lost_unless_it_had_ended(registr
 
 def test_earlier_goals_are_known_from_an_array_or_after_a_time() -> None:
     registry = GoalRegistry(MARK, confirmation_time=3.0, settle_time=2.0)
-    assert not registry.settled(100.0)
+    assert not registry.is_settled(100.0)
     registry.set_servers(frozenset({"gid"}), 100.0)
-    assert not registry.settled(101.9)
-    assert registry.settled(102.0)
+    assert not registry.is_settled(101.9)
+    assert registry.is_settled(102.0)
 
 
 def test_new_server_has_to_settle_too(registry: GoalRegistry) -> None:
-    assert registry.settled(0.0)
+    assert registry.is_settled(0.0)
     assert registry.set_servers(frozenset({"other"}), 10.0)
-    assert not registry.settled(10.0)
-    assert registry.settled(12.0)
+    assert not registry.is_settled(10.0)
+    assert registry.is_settled(12.0)
 
 
 def test_a_server_that_outlives_its_successor_counts_again(registry: GoalRegistry) -> None:
@@ -94,8 +94,8 @@ def test_a_server_that_outlives_its_successor_counts_again(registry: GoalRegistr
     assert not registry.set_servers(frozenset({"gid", "other"}), 11.0)
     assert registry.set_servers(frozenset({"gid"}), 20.0)
     assert not registry.set_servers(frozenset({"gid"}), 21.0)
-    assert not registry.settled(21.9)
-    assert registry.settled(22.0)
+    assert not registry.is_settled(21.9)
+    assert registry.is_settled(22.0)
 
 
 def test_the_table_shows_the_owner_of_each_goal_and_an_end_is_final(registry: GoalRegistry) -> None:
@@ -186,9 +186,9 @@ def test_an_accepted_goal_is_listed_before_its_array_and_kept_despite_a_late_one
     goals = prefixed_registry()
     goals.update([entry(THEIRS, 4)], 0.5)
     goals.record_sent(1.0)
-    assert goals.awaiting(1.1)
-    goals.accept(OURS)
-    assert not goals.awaiting(1.1)
+    assert goals.is_awaiting(1.1)
+    goals.record_accepted(OURS)
+    assert not goals.is_awaiting(1.1)
     assert goals.live == (OURS,)
     assert goals.update([entry(THEIRS, 4)], 1.2).lost == frozenset()
     assert goals.live == (OURS,)
@@ -196,7 +196,7 @@ def test_an_accepted_goal_is_listed_before_its_array_and_kept_despite_a_late_one
 
 def test_a_result_ends_a_goal_and_an_older_array_does_not_revive_it() -> None:
     goals = prefixed_registry()
-    goals.accept(OURS)
+    goals.record_accepted(OURS)
     goals.record_end(OURS, GoalStatus.SUCCEEDED)
     goals.update([entry(OURS, 2)], 1.0)
     assert goals.status(OURS) is GoalStatus.SUCCEEDED
@@ -206,7 +206,7 @@ def test_a_result_of_an_unknown_or_unfinished_goal_is_ignored() -> None:
     goals = prefixed_registry()
     goals.record_end(OURS, GoalStatus.ABORTED)
     assert goals.status(OURS) is None
-    goals.accept(OURS)
+    goals.record_accepted(OURS)
     goals.record_end(OURS, GoalStatus.UNKNOWN)
     assert goals.status(OURS) is GoalStatus.ACCEPTED
 

@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from nena_edge_agent.driver.port import DriveGoal, Pose
-from nena_edge_agent.nav2.poses import PoseReading, agrees, impossible, localized, quaternion_of
+from nena_edge_agent.nav2.poses import PoseReading, has_reached, localized, pose_problem, quaternion_of
 from nena_edge_agent.nav2.settings import LocalisationSettings
 from nena_shared.ros import wrap, yaw_of
 
@@ -104,7 +104,7 @@ def test_sureness_by_spread(variances: tuple[float, float, float], *, sure: bool
 )
 def test_agreement_with_a_goal(pose: Pose, deviation_theta: float | None, *, there: bool) -> None:
     goal = DriveGoal(1, Pose(5.0, 0.0, math.pi - 0.05, "hall"), 0.5, deviation_theta)
-    assert agrees(pose, goal) is there
+    assert has_reached(pose, goal) is there
 
 
 @pytest.mark.parametrize(
@@ -116,8 +116,8 @@ def test_agreement_with_a_goal(pose: Pose, deviation_theta: float | None, *, the
     ],
 )
 def test_reports_why_a_robot_cannot_be_sent_to_a_pose(pose: Pose, reason: str) -> None:
-    assert reason in str(impossible(pose, "hall"))
+    assert reason in str(pose_problem(pose, "hall"))
 
 
 def test_a_pose_on_the_robots_map_can_be_driven_to() -> None:
-    assert impossible(Pose(1.0, 2.0, 0.0, "hall"), "hall") is None
+    assert pose_problem(Pose(1.0, 2.0, 0.0, "hall"), "hall") is None

@@ -61,7 +61,7 @@ from nena_edge_agent.nav2.localisation import (
 )
 from nena_edge_agent.nav2.map_server import MakeMapServer, no_map_server
 from nena_edge_agent.nav2.offers import COLLISION_MONITOR, interface, nav2_offers
-from nena_edge_agent.nav2.poses import PoseReading, impossible, thinned
+from nena_edge_agent.nav2.poses import PoseReading, pose_problem, thinned
 from nena_edge_agent.nav2.robot_base import (
     Battery,
     BatteryReading,
@@ -216,7 +216,7 @@ class Nav2Driver:
     def go_to(self, goal: DriveGoal) -> None:
         """Drive to ``goal``; a current goal is replaced without a stop."""
         goal, now = self._frame.goal_to_map(goal), self._clock.monotonic()
-        problem = impossible(goal.pose, self._map_id)
+        problem = pose_problem(goal.pose, self._map_id)
         if self._limiter is not None:
             if reason := self._limiter.problem(goal.maximum_speed):
                 self._execute_all(self._tracker.drop(now))
@@ -269,7 +269,7 @@ class Nav2Driver:
         Answered by ``PositionInitialized``; a newer call replaces an older one, and one event answers both.
         """
         pose = self._frame.to_map(pose)
-        problem = impossible(pose, self._map_id)
+        problem = pose_problem(pose, self._map_id)
         if problem is not None:
             self._report_event(PositionInitialized(succeeded=False, description=problem))
             return
@@ -364,7 +364,7 @@ class Nav2Driver:
 
     def _lose_position(self, problem: str, *, moves: bool = False) -> None:
         """Report that the robot's position is unknown; ``moves``: the odometry still shows its velocity."""
-        previous, report = self._localisation, self._localisation.lost(problem, moves=moves)
+        previous, report = self._localisation, self._localisation.report_lost(problem, moves=moves)
         self._forget_position()
         self._tracker.forget_pose()
         if moves:
@@ -577,7 +577,7 @@ class Nav2Driver:
 
     def _on_pose(self, reading: PoseReading) -> None:
         now = self._clock.monotonic()
-        old = self._tracker.current.driving and self._feedback.fresh(now)
+        old = self._tracker.current.driving and self._feedback.is_fresh(now)
         pose = self._localisation.on_reading(reading, old=old)
         if pose is None:
             return
@@ -602,7 +602,7 @@ class Nav2Driver:
         now = self._clock.monotonic()
         if not self._is_of_goal(reading, now):
             return
-        if self._feedback.moved(reading, now):
+        if self._feedback.has_moved(reading, now):
             pose = self._localisation.on_nearer(reading.x, reading.y, reading.yaw, reading.frame)
             if pose is not None:
                 self._movement.on_pose(pose, now)
@@ -626,7 +626,7 @@ class Nav2Driver:
         """Return whether feedback is of the current goal; any of our goals counts as a sign of life."""
         tracker = self._tracker.current
         if reading.goal_id in tracker.live:
-            self._silence.heard(reading.goal_id, now)
+            self._silence.on_feedback(reading.goal_id, now)
             tracker.on_feedback()
             if self._listening is None and not self._silence.by_odometry:
                 self._await_feedback(FEEDBACK_TIMEOUT)
@@ -676,7 +676,7 @@ class Nav2Driver:
         frame, points = plan
         # planner_server publishes each plan, also those that other clients only compute (ComputePathToPose).
         ours = frame.removeprefix("/") == self._settings.frame
-        if ours and len(points) > 1 and self._tracker.navigator.wants(points[-1]):
+        if ours and len(points) > 1 and self._tracker.navigator.is_own_plan(points[-1]):
             self._report_event(PlanReport(points, self._map_id))
 
     def _report_pose(self) -> None:

@@ -27,12 +27,12 @@ class PassedPoses:
         self._dropped = False
         self._closest = math.inf
 
-    def begin(self, goal: DriveGoal) -> None:
+    def begin_route(self, goal: DriveGoal) -> None:
         """Record the poses sent to navigation."""
         self._places = (goal.pose, *goal.ahead)
-        self.advance()
+        self.advance_goal()
 
-    def advance(self) -> None:
+    def advance_goal(self) -> None:
         """Record that the next pose is now the goal."""
         self._dropped, self._closest = False, math.inf
 
@@ -46,12 +46,12 @@ class PassedPoses:
         same = (near(pose, place, xy=SAME, theta=None) for pose, place in zip(wanted, rest, strict=True))
         return all(same)
 
-    def left(self, goal: DriveGoal, places: int) -> None:
+    def on_places_left(self, goal: DriveGoal, places: int) -> None:
         """Record how many poses navigation has left to reach."""
         # The default tree removes poses within 0.7 m (RemovePassedGoals), and looks every 3 s.
         self._dropped = self._dropped or places <= len(goal.ahead)
 
-    def missed(self, goal: DriveGoal, pose: Pose) -> bool:
+    def is_missed(self, goal: DriveGoal, pose: Pose) -> bool:
         """Return whether the robot turns away from ``goal`` without having reached it."""
         if not goal.ahead or not self._dropped:
             return False
@@ -95,7 +95,7 @@ class SilenceWatch:
         """Return whether odometry has arrived, so that :meth:`on_velocity` alone decides."""
         return self._odometry_at != -math.inf
 
-    def heard(self, goal_id: str, now: float) -> None:
+    def on_feedback(self, goal_id: str, now: float) -> None:
         """Record feedback for one of our goals that has not ended."""
         self._heard_at, self._goal_id, self._silent_for, self._reported = now, goal_id, 0.0, 0
 
@@ -130,11 +130,11 @@ class FeedbackFilter:
         self._progress_at = -math.inf
         self._progress: tuple[str, int] = ("", 0)
 
-    def fresh(self, now: float) -> bool:
+    def is_fresh(self, now: float) -> bool:
         """Return whether feedback with positions is arriving now."""
         return now - self._received_at < FRESH
 
-    def moved(self, reading: FeedbackReading, now: float) -> bool:
+    def has_moved(self, reading: FeedbackReading, now: float) -> bool:
         """Return whether to report the position."""
         self._received_at = now
         here = (reading.x, reading.y)

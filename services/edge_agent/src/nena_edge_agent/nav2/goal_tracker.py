@@ -40,7 +40,7 @@ from nena_edge_agent.nav2.commands import (
 from nena_edge_agent.nav2.error_codes import TRANSIENT, Meaning, meaning_of
 from nena_edge_agent.nav2.feedback import GIVEN_UP_AFTER, OBEYED_AFTER, PassedPoses
 from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, GoalRegistry, GoalResult
-from nena_edge_agent.nav2.poses import SAME, agrees, near
+from nena_edge_agent.nav2.poses import SAME, has_reached, near
 from nena_edge_agent.nav2.robot_base import Standstill
 from nena_edge_agent.nav2.settings import GoalSettings
 from nena_shared.log import get_logger
@@ -258,9 +258,9 @@ class GoalTracker:
 
     def awaits_goal(self, now: float) -> bool:
         """Return whether a sent goal may still be accepted."""
-        return self._registry.awaiting(now)
+        return self._registry.is_awaiting(now)
 
-    def wants(self, place: tuple[float, float]) -> bool:
+    def is_own_plan(self, place: tuple[float, float]) -> bool:
         """Return whether a plan that ends at ``place`` (m) is for the current goal."""
         drive = self._drive
         if drive is None:
@@ -279,7 +279,7 @@ class GoalTracker:
     def may_drive_earlier(self, now: float) -> bool:
         """Return whether the server may drive for us, also to a goal of an earlier run."""
         registry = self._registry
-        return bool(registry.live) or (registry.orphaned and not registry.settled(now))
+        return bool(registry.live) or (registry.orphaned and not registry.is_settled(now))
 
     def go_to(self, goal: DriveGoal, now: float) -> list[Command]:
         """Drive to ``goal`` without a stop; nothing is sent if a route through several poses leads there."""
@@ -287,10 +287,10 @@ class GoalTracker:
         same = drive is not None and drive is self._sent_for and drive.goal_id in self._sent
         if drive is not None and same and self._aborted is None and self._passed.covers(goal):
             drive.goal = goal
-            self._passed.advance()
+            self._passed.advance_goal()
             return self._advance_all(now)
         self._drove = True
-        self._drive = GoalDrive(goal, preempts=self._registry.incomplete(now))
+        self._drive = GoalDrive(goal, preempts=self._registry.may_list_late(now))
         return self._advance_all(now)
 
     def drop(self, now: float) -> list[Command]:
@@ -343,7 +343,7 @@ class GoalTracker:
         drive = self._drive
         if accepted:
             # The array with it may come later, or be lost: the status topic keeps its last sample only.
-            self._registry.accept(goal_id)
+            self._registry.record_accepted(goal_id)
             if drive is not None and drive is self._sent_for and goal_id in self._sent:
                 drive.goal_id, drive.reached_at = goal_id, None
             self._report_table()
@@ -405,7 +405,7 @@ class GoalTracker:
     def on_pose(self, pose: Pose, now: float) -> list[Command]:
         """Handle a pose of the localisation."""
         drive = self._drive
-        if drive and drive.reached_at is None and self._passed.missed(drive.goal, pose):
+        if drive and drive.reached_at is None and self._passed.is_missed(drive.goal, pose):
             self._send_alone(drive)
         if self._drive and self._pose:
             self._drive.on_pose(pose, self._pose, now)
@@ -418,7 +418,7 @@ class GoalTracker:
         """Record the number of poses that navigation has left to reach."""
         drive = self._drive
         if drive is not None and drive.goal_id == goal_id:
-            self._passed.left(drive.goal, left)
+            self._passed.on_places_left(drive.goal, left)
 
     def forget_pose(self) -> None:
         """Discard the robot's pose: the localisation has lost it."""
@@ -496,7 +496,7 @@ class GoalTracker:
         self._send_or_give_up(now)
         self._stop_motion(now)
         # The order may request the goal of an earlier run for a while; then it is cancelled.
-        if self._reclaimed is not None and self._registry.settled(now):
+        if self._reclaimed is not None and self._registry.is_settled(now):
             if self._reclaimed_until is None:
                 self._reclaimed_until = now + RECLAIM_TIME
             if now >= self._reclaimed_until:
@@ -563,7 +563,7 @@ class GoalTracker:
         # After a start, DDS may need a while to find the navigator of an earlier run's goals.
         since = halt.asked_at if self._no_server_since is None else self._no_server_since
         searches = registry.orphaned and not self._server_found and now - since < RECLAIM_SERVER_WAIT
-        if registry.awaiting(now) or registry.may_still_drive(now) or searches:
+        if registry.is_awaiting(now) or registry.may_still_drive(now) or searches:
             halt.since = now
             unsettled = True
         else:
@@ -644,7 +644,7 @@ class GoalTracker:
             self._judge_route(drive, self._pose, now)
             return
         # SUCCEEDED is the end of the path, up to 0.5 m (planner) + 0.25 m (goal checker) from the goal.
-        if self._pose is not None and agrees(self._pose, drive.goal):
+        if self._pose is not None and has_reached(self._pose, drive.goal):
             self._report_arrival(drive, now)
         elif drive.may_be_undriven and not self._may_agree(drive.goal):
             self._resend_undriven(drive)
@@ -661,7 +661,7 @@ class GoalTracker:
 
     def _judge_route(self, drive: GoalDrive, pose: Pose, now: float) -> None:
         """Wait at the end of a route until its nodes are reported as passed; drive to one that was not."""
-        if agrees(pose, drive.goal):
+        if has_reached(pose, drive.goal):
             self._report_arrival(drive, now)
         elif drive.may_be_undriven and not near(pose, drive.goal.ahead[-1], xy=FROM_END, theta=None):
             self._resend_undriven(drive)
@@ -686,7 +686,7 @@ class GoalTracker:
     def _may_agree(self, goal: DriveGoal) -> bool:
         """Return whether a pose from before the stop is compatible with a robot at the goal."""
         pose = self._pose
-        return pose is not None and agrees(pose, goal, xy_slack=STALE_XY, theta_slack=STALE_THETA)
+        return pose is not None and has_reached(pose, goal, xy_slack=STALE_XY, theta_slack=STALE_THETA)
 
     def _describe_disagreement(self, goal: DriveGoal) -> str:
         if self._pose is None:
@@ -709,7 +709,7 @@ class GoalTracker:
         # Nav2 aborts with 102 while map -> odom, which AMCL dates 1 s ahead, is in the future.
         localised = self._localised_at + self._settings.localisation_wait
         drive.give_up_at = max(now, localised) + timeout if drive.give_up_at is None else drive.give_up_at
-        if self._registry.awaiting(now):
+        if self._registry.is_awaiting(now):
             return
         if now >= drive.give_up_at or drive.tries > self._settings.resends:
             self._fail_drive(drive, DriveFailure.NOT_TAKEN_UP, self._describe_refusal(drive))
@@ -726,7 +726,7 @@ class GoalTracker:
         if drive is not self._sent_for:
             self._sent_for, self._sent, self._refused = drive, [], False
         goal_id = self._prefix.new()
-        self._passed.begin(drive.goal)
+        self._passed.begin_route(drive.goal)
         self._sent.append(goal_id)
         self._registry.record_sent(now)
         self._out.append(SendGoal(drive.goal, goal_id, self._server))
@@ -763,7 +763,7 @@ class GoalTracker:
         clear = not self._registry.canceling and not any(
             goal_id in self._cancels for goal_id in self._registry.live
         )
-        return clear and self._registry.settled(now)
+        return clear and self._registry.is_settled(now)
 
     def _describe_refusal(self, drive: GoalDrive) -> str:
         if self._server is Server.CONTROLLER:

@@ -161,7 +161,7 @@ class GoalRegistry:
 
     def may_still_drive(self, now: float) -> bool:
         """Return whether a server is back, but has not shown yet whether it still drives for us."""
-        return self.orphaned and bool(self._servers) and not self.settled(now)
+        return self.orphaned and bool(self._servers) and not self.is_settled(now)
 
     def status(self, goal_id: str) -> GoalStatus | None:
         """Return the last status of a goal, None if it is not listed."""
@@ -175,7 +175,7 @@ class GoalRegistry:
         running = (later_id for later_id in later if not self._goals[later_id].status.terminal)
         return next((later_id for later_id in running if not self._goals[later_id].ours), None)
 
-    def settled(self, now: float) -> bool:
+    def is_settled(self, now: float) -> bool:
         """Return whether the earlier goals are known, so that a new ID can be distinguished from them."""
         since = self._servers_since
         return self._array_seen or (since is not None and now - since >= self._settle_time)
@@ -223,11 +223,11 @@ class GoalRegistry:
         self._awaited = True
         self._given_at = now
 
-    def awaiting(self, now: float) -> bool:
+    def is_awaiting(self, now: float) -> bool:
         """Return whether the last sent goal is still awaited."""
         return self._awaited and now - self._given_at < self._confirmation_time
 
-    def incomplete(self, now: float) -> bool:
+    def may_list_late(self, now: float) -> bool:
         """Return whether a goal sent by topic may still be listed: the first of two may have been lost."""
         return self._claims > 0 and now - self._given_at < 2 * self._confirmation_time
 
@@ -278,7 +278,7 @@ class GoalRegistry:
         self._expire_claims(now)
         self._awaited, self._given_at = True, now
 
-    def accept(self, goal_id: str) -> None:
+    def record_accepted(self, goal_id: str) -> None:
         """Record that the server has accepted a goal of ours; its array may arrive later."""
         self._awaited = False
         self._goals.setdefault(goal_id, Goal(ours=True, status=GoalStatus.ACCEPTED))
@@ -354,7 +354,7 @@ class GoalRegistry:
             self._orphans |= {self.given_before}
 
     def _expire_claims(self, now: float) -> None:
-        if not self.incomplete(now):
+        if not self.may_list_late(now):
             self._claims = 0
 
 

@@ -95,7 +95,7 @@ class Localisation:
         pose = self._nearer or self._pose_of(self._reading)
         return PoseReport(pose, localized=sure, vx=vx, omega=omega, problem=problem)
 
-    def lost(self, problem: str, *, moves: bool) -> PoseReport | None:
+    def report_lost(self, problem: str, *, moves: bool) -> PoseReport | None:
         """Return the newest pose as no longer valid; ``moves``: its velocity is still valid."""
         report = self.report()
         if report is None:

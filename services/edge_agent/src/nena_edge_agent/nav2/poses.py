@@ -60,13 +60,13 @@ def near(pose: Pose, place: Pose, *, xy: float, theta: float | None) -> bool:
     return theta is None or abs(wrap(pose.theta - place.theta)) <= theta
 
 
-def agrees(pose: Pose, goal: DriveGoal, *, xy_slack: float = 0.0, theta_slack: float = 0.0) -> bool:
+def has_reached(pose: Pose, goal: DriveGoal, *, xy_slack: float = 0.0, theta_slack: float = 0.0) -> bool:
     """Return whether a robot at ``pose`` has reached ``goal``; the slacks (m, rad) widen the tolerance."""
     theta = None if goal.deviation_theta is None else goal.deviation_theta + theta_slack
     return near(pose, goal.pose, xy=goal.deviation_xy + xy_slack, theta=theta)
 
 
-def impossible(pose: Pose, map_id: str) -> str | None:
+def pose_problem(pose: Pose, map_id: str) -> str | None:
     """Return why a robot on the map ``map_id`` cannot be sent to ``pose``, None if it can."""
     if pose.map_id != map_id:
         return f"the goal is on map '{pose.map_id}', the robot on '{map_id}'"
