@@ -139,25 +139,7 @@ def talk() -> Conversation:
 
 
 class TestGoldenTraces:
-    def test_plain_drive(self, talk: Conversation) -> None:
-        talk.drives()
-        talk.at(4.9)
-        assert talk.events == []
-        talk.array("A:4")
-        assert talk.events == [Arrived(1)]
-        assert talk.given == [1]
-
-    def test_second_goal_while_driving(self, talk: Conversation) -> None:
-        talk.drives()
-        talk.go_to(goal(2, 9.0))
-        for array in ("A:2 B:2", "A:6 B:2"):
-            talk.array(array)
-        assert talk.events == []
-        talk.at(9.1)
-        talk.array("A:6 B:4")
-        assert talk.events == [Arrived(2)]
-        assert talk.given == [1, 2]
-        assert talk.cancelled == []
+    """What the traces of the simulated robot (tests/integration) do not show."""
 
     def test_second_goal_in_one_array_with_the_end_of_the_first(self, talk: Conversation) -> None:
         talk.drives()
@@ -178,33 +160,6 @@ class TestGoldenTraces:
         talk.array("A:6 B:4")
         assert talk.events == [Arrived(3)]
 
-    def test_another_client_cancels_all_goals(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        for array in ("E:2", "E:3"):
-            talk.array(array)
-        assert talk.events == []
-        talk.array("E:5")
-        assert talk.failure().failure is DriveFailure.CANCELED_FROM_OUTSIDE
-
-    def test_goal_that_cannot_start(self, talk: Conversation) -> None:
-        talk.drives()
-        talk.array("A:6")
-        assert talk.failure().failure is DriveFailure.ABORTED
-        assert talk.failure().generation == 1
-
-    def test_cancel_and_a_new_goal_directly_after_waits_for_the_end(self, talk: Conversation) -> None:
-        talk.go_to(goal(1))
-        talk.array("G:2")
-        talk.halt()
-        talk.go_to(goal(2))
-        talk.array("G:3")
-        assert talk.cancelled == ["G"]
-        assert talk.given == [1]
-        talk.array("G:5")
-        talk.later(3.1)
-        assert talk.events == [Halted()]
-        assert talk.given == [1, 2]
-
     def test_deactivated_while_driving(self, talk: Conversation) -> None:
         talk.drives()
         talk.said += talk.tracker.on_navigation(
@@ -213,15 +168,6 @@ class TestGoldenTraces:
         assert talk.events == []
         talk.array("A:6")
         assert talk.failure().failure is DriveFailure.ABORTED
-
-    def test_old_entries_vanish_with_the_next_goal(self, talk: Conversation) -> None:
-        talk.at(5.0)
-        talk.drives()
-        talk.array("A:4")
-        talk.go_to(goal(2))
-        talk.array("B:2")
-        talk.array("B:4")
-        assert talk.events == [Arrived(1), Arrived(2)]
 
     def test_server_restarted(self, talk: Conversation) -> None:
         talk.drives()
@@ -1067,42 +1013,11 @@ class TestRestartOfTheAgent:
         assert talk.cancelled[:1] == ["A"]
 
 
-WAIT = 2.0
-
-
-def pose(x: float) -> Pose:
-    return Pose(x, 0.0, 0.0, "hall")
-
-
-@pytest.fixture
-def drive() -> GoalDrive:
-    """Return one whose goal was reported reached at 100 s."""
-    return GoalDrive(DriveGoal(1, pose(5.0), deviation_xy=0.25), reached_at=100.0)
-
-
-def test_a_pose_is_waited_for_from_the_arrival_on(drive: GoalDrive) -> None:
-    assert drive.pose_may_come(101.9, WAIT)
-    assert not drive.pose_may_come(102.0, WAIT)
-    assert not GoalDrive(drive.goal).pose_may_come(0.0, WAIT)
-
-
-def test_a_pose_of_a_moving_robot_is_a_late_one(drive: GoalDrive) -> None:
-    drive.on_pose(pose(3.0), pose(2.0), 101.0)
-    assert drive.pose_may_come(102.9, WAIT)
-    drive.on_pose(pose(3.05), pose(3.0), 102.0)
-    assert not drive.pose_may_come(103.0, WAIT), "it stands"
-
-
-def test_poses_are_late_for_a_while_only(drive: GoalDrive) -> None:
-    drive.on_pose(pose(3.0), pose(2.0), 150.0)
-    assert drive.late_at == 100.0 + LATE_AT_MOST
-
-
 def test_before_the_arrival_no_pose_is_late() -> None:
-    drive = GoalDrive(DriveGoal(1, pose(5.0), deviation_xy=0.25))
-    drive.on_pose(pose(3.0), pose(2.0), 1.0)
+    drive = GoalDrive(goal(1))
+    drive.on_pose(Pose(3.0, 0.0, 0.0, "hall"), Pose(2.0, 0.0, 0.0, "hall"), 1.0)
     drive.reached_at = 2.0
-    assert not drive.pose_may_come(4.0, WAIT)
+    assert not drive.pose_may_come(4.0, wait=2.0)
 
 
 def test_a_robot_that_drives_on_after_an_aborted_goal_is_stopped_and_reported(talk: Conversation) -> None:
