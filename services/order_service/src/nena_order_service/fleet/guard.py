@@ -115,6 +115,7 @@ class FleetGuard:
             raise FleetTakenError(taken, own_store=taken.store == self._own.store)
         finally:
             if self._holds:
+                # Brokers discard the last will of a client that disconnects by itself.
                 self._link.publish(Outbound(self._topic, b"", retain=True))
                 with suppress(asyncio.CancelledError):
                     await self._link.drain(1.0)
@@ -145,6 +146,7 @@ class FleetGuard:
             self._publish_record()
         elif message.payload != self._own.instance.encode():
             return
+        # It is our own question: a retained record would have arrived before it.
         elif self._left is None:
             self._hold_back()
         elif self._giving_up is None:
@@ -166,6 +168,7 @@ class FleetGuard:
         if record.instance == self._own.instance:
             return
         own_store, is_higher = record.store == self._own.store, record.rank > self._own.rank
+        # Copies of a store differ by their epochs. Another store's leader wins only by having answered first.
         if (own_store or self.won.is_set()) and not is_higher:
             if self._holds:
                 self._publish_record()

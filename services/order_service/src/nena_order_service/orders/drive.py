@@ -133,6 +133,7 @@ class Drive(FrozenModel):
 
     def released(self, route: AllocatedRoute) -> Self:
         """Return the drive with what its robot may drive as its base."""
+        # VDA 5050 3.0, 6.1.1: nodes have even sequenceIds, so the n-th behind the first has 2n.
         end = None if route.all_released else 2 * route.released
         return self if end == self.released_to else self.changed(released_to=end)
 

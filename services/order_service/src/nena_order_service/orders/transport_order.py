@@ -252,6 +252,7 @@ class TransportOrder:
         self.require("deferring", S.DISPATCHABLE)
         if reason.is_sent_as(self.status.coded_reason):
             return self
+        # Reasons change with each decision; entries of their own would fill the history.
         history = self.status.history
         if history[-1].event_code == EventCode.DISPATCHING_DEFERRED:
             history = history[:-1]
@@ -324,7 +325,7 @@ class TransportOrder:
 
     def finished(self, now: datetime) -> Self:
         """Finish the order: every drive order is done, or its operation was skipped by the policy."""
-        ended = (DriveOrderState.FAILED, DriveOrderState.FINISHED)
+        ended = (DriveOrderState.FAILED, DriveOrderState.FINISHED)  # FAILED: skipped by the policy
         drive_orders = tuple(
             order if order.state in ended else order.model_copy(update={"state": DriveOrderState.FINISHED})
             for order in self.status.drive_orders
@@ -357,6 +358,7 @@ class TransportOrder:
         entry = self.entry(now, EventCode.WITHDRAWAL_REQUESTED, reason)
         if self.state not in (S.ACTIVE, S.DISPATCHABLE):
             return self._move_to(S.WITHDRAWN, None, entry, held=None, next_try=None)
+        # No vehicle has it, so there is nothing to wait for.
         noted = self.status.model_copy(update={"history": (*self.status.history, entry)})
         return type(self)(self.number, noted, self.idempotency_key).failed(reason, now)
 
@@ -465,6 +467,7 @@ class TransportOrder:
 
     def with_operation_begun(self) -> tuple[DriveOrderStatus, ...]:
         """Return the drive orders; the current one is OPERATING also if it was in an earlier try."""
+        # A new try begins with TRAVELLING, so only the history tells of an operation that has begun.
         marks = (
             EventCode.OPERATION_STARTED,
             EventCode.DRIVE_ORDER_FINISHED,

@@ -80,6 +80,7 @@ class OrderPlanner:
         if view.state is None:
             raise NotLocatedError(Reason(R.NO_STATE))
         state, profile = view.state, vehicle.profile
+        # Each decision asks for every vehicle, and most of them have not moved.
         place = state.mobile_robot_position, state.last_node_id
         located = self._standings.get(vehicle.name)
         if located is None or located[0] != place or located[1] is not profile:
@@ -218,6 +219,7 @@ class OrderPlanner:
         if not self._speed_limits:
             return unlimited
         profile = RoutingProfile.of(vehicle.model, self.plant.vehicle_types)
+        # A default of the plant model is nobody's wish, and would slow down faster robots.
         own_fields = vehicle.model.model_fields_set if vehicle.model else ()
         profile = replace(
             profile,

@@ -127,6 +127,7 @@ class Devices:
         execution = self._executions.get(location)
         if execution is None or execution.job != job:
             return False
+        # MQTT's QoS 1 may deliver an answer twice, and a device answers each sending of a job.
         return state is not DeviceJobState.ACKNOWLEDGED or not execution.acknowledged
 
     def answer(self, location: str, job: str, state: DeviceJobState, now: float) -> Verdict:
@@ -143,6 +144,7 @@ class Devices:
         overdue = []
         for location, execution in self._executions.items():
             waited, state = now - execution.since, self.reported(location)
+            # A device that is away cannot acknowledge, so sending again is of no use.
             if execution.acknowledged or not state.takes_jobs:
                 timeout = self._timeouts.get(location, self._settings.execution_timeout)
                 if waited >= timeout:
