@@ -79,8 +79,7 @@ class Bench:
 
     def online(self) -> Bench:
         """Connect the broker and the robot, and make the robot known."""
-        self.fleet.on_broker(connected=True, now=self.now)
-        self.tick()
+        self.set_broker(connected=True)
         self.connection(ConnectionState.ONLINE)
         self.report()
         return self
@@ -105,6 +104,11 @@ class Bench:
                 self.news.append(output)
         return outputs
 
+    def set_broker(self, *, connected: bool, unread: bool = False) -> None:
+        """Lose or regain our own link; ``unread``: as a new leader."""
+        self.fleet.on_broker(connected=connected, now=self.now, unread=unread)
+        self.tick()
+
     def connection(self, state: ConnectionState) -> Outputs:
         """Deliver a connection message, and the factsheet retained at the broker."""
         self.take(self.fleet.on_factsheet(self.robot.key, self.robot.factsheet(), self.now))
@@ -121,8 +125,7 @@ class Bench:
     def start_and_tell(self, vda_order: VdaOrder) -> None:
         """Start a VDA order, have the robot get it, and hear so."""
         self.start(vda_order)
-        self.deliver()
-        self.report()
+        self.exchange()
 
     def cancel(self) -> Outputs:
         return self.take(self.control.cancel_order(self.now))
@@ -145,6 +148,11 @@ class Bench:
         """Hand what lies on the wire to the robot."""
         while self.wire:
             hand_over(self.wire.pop(0), self.robot)
+
+    def exchange(self) -> Outputs:
+        """Hand what lies on the wire to the robot, and deliver its state after that."""
+        self.deliver()
+        return self.report()
 
     def lose(self) -> None:
         """Lose what lies on the wire."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -24,7 +25,7 @@ from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, Vehicle
 from nena_shared.plant.model import PlantModel
 from nena_shared.plant_terms import ExecutionTrigger
 from nena_shared.vda5050.connection import Connection, ConnectionState
-from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.factsheet import Factsheet, MobileRobotAction
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.visualization import Visualization
@@ -109,12 +110,28 @@ def visualization(
 
 
 def factsheet(
-    number: int = 1, *, robot: RobotKey = ROBOT, at: float = 0.0, state_interval: float | None = None
+    number: int = 1,
+    *,
+    robot: RobotKey = ROBOT,
+    at: float = 0.0,
+    version: str = "2.1.0",
+    state_interval: float | None = None,
+    order_interval: float = 0.1,
+    actions: Iterable[MobileRobotAction] = (),
+    takes: Iterable[str] = (),
+    demands: Iterable[str] = (),
+    arrays: dict[str, int] | None = None,
+    strings: dict[str, Any] | None = None,
 ) -> Factsheet:
-    """Return the factsheet of a small carrier."""
+    """Return the factsheet of a small carrier, which ``takes`` and ``demands`` optional fields of orders."""
+    fields = [
+        *({"parameter": each, "support": "SUPPORTED"} for each in takes),
+        *({"parameter": each, "support": "REQUIRED"} for each in demands),
+    ]
     return Factsheet.model_validate(
         {
             **header(number, robot=robot, at=at),
+            "version": version,
             "type_specification": {
                 "series_name": "Carrier 100",
                 "mobile_robot_kinematics": "DIFFERENTIAL",
@@ -134,15 +151,18 @@ def factsheet(
                 "length": 1.1,
             },
             "protocol_limits": {
-                "maximum_string_lengths": {},
-                "maximum_array_lengths": {},
+                "maximum_string_lengths": strings or {},
+                "maximum_array_lengths": arrays or {},
                 "timing": {
-                    "minimum_order_interval": 0.1,
+                    "minimum_order_interval": order_interval,
                     "minimum_state_interval": 0.1,
                     "default_state_interval": state_interval,
                 },
             },
-            "protocol_features": {"optional_parameters": (), "mobile_robot_actions": ()},
+            "protocol_features": {
+                "optional_parameters": tuple(fields),
+                "mobile_robot_actions": tuple(actions),
+            },
             "mobile_robot_geometry": {},
             "load_specification": {},
         },

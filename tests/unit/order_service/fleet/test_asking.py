@@ -25,12 +25,10 @@ def action(action_type: str, action_id: str) -> Action:
 
 def reconnect(bench: Bench, *, unread: bool = False) -> None:
     """Lose our own link for three seconds."""
-    bench.fleet.on_broker(connected=False, now=bench.now)
-    bench.tick()
+    bench.set_broker(connected=False)
     bench.lose()
     bench.now += 3.0
-    bench.fleet.on_broker(connected=True, now=bench.now, unread=unread)
-    bench.tick()
+    bench.set_broker(connected=True, unread=unread)
 
 
 def asked(bench: Bench) -> int:
@@ -41,8 +39,7 @@ def expecting(*robots: RobotKey) -> Bench:
     """Return a bench whose plant model has these robots, at a broker that has told nothing of them yet."""
     bench, numbers = Bench(), count(1)
     bench.fleet = FleetController(FleetSettings(), expected=robots, new_id=lambda: f"id-{next(numbers)}")
-    bench.fleet.on_broker(connected=True, now=bench.now)
-    bench.tick()
+    bench.set_broker(connected=True)
     return bench
 
 
@@ -59,8 +56,7 @@ def test_a_robot_without_a_state_is_asked_once_it_connects() -> None:
     bench.connection(ConnectionState.ONLINE)
     bench.tick()
     assert asked(bench) == 1
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     bench.wait(60.0, reporting=True)
     assert asked(bench) == 1
 
@@ -102,18 +98,6 @@ def test_a_repeated_connection_message_asks_nothing() -> None:
     assert bench.view().availability.can_take_order
 
 
-@pytest.mark.clause("4.1/offline")
-def test_a_robot_with_an_order_is_asked_at_once_after_a_loss_of_our_link() -> None:
-    bench = Bench().online()
-    bench.start_and_tell(make_vda_order("m", "A", "B"))
-    reconnect(bench)
-    assert asked(bench) == 1
-    bench.deliver()
-    bench.report()
-    bench.run()
-    assert bench.ends() == {"m": 1}
-
-
 @pytest.mark.parametrize("mode", [OperatingMode.INTERVENED])
 def test_a_robot_that_may_not_be_asked_is_not(mode: OperatingMode) -> None:
     bench = Bench().online()
@@ -146,8 +130,7 @@ def test_a_new_leader_asks_a_robot_and_pauses_it_before_it_has_reported() -> Non
     reconnect(bench, unread=True)
     bench.instruct(action("startPause", "p"))
     assert bench.instants_sent() == ["stateRequest", "startPause"]
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     assert bench.robot.paused
     assert bench.told(InstantActionEnded)[-1].status is ActionStatus.FINISHED
 

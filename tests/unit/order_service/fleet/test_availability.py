@@ -35,21 +35,25 @@ def test_an_idle_online_robot_can_take_an_order() -> None:
 def test_a_robot_that_is_not_connected_has_a_reason() -> None:
     bench = Bench()
     assert "no connection to the MQTT broker" in str(bench.view().availability.reason)
-    bench.fleet.on_broker(connected=True, now=bench.now)
-    bench.tick()
+    bench.set_broker(connected=True)
     assert str(bench.view().availability.reason) == "has never connected"
     bench.connection(ConnectionState.ONLINE)
     assert str(bench.view().availability.reason) == "has not reported its state yet"
     assert bench.view().vehicle_state is VehicleState.UNKNOWN
 
 
-@pytest.mark.clause("6.5/fleet")
-def test_silence_is_reported_without_a_message() -> None:
+@pytest.mark.parametrize(
+    ("field", "value", "expected"),
+    [
+        ("localized", False, "is not localised: set its initial position"),
+        ("has_pose", False, "is not localised: set its initial position"),
+        ("paused", True, "is paused"),
+    ],
+)
+def test_a_robot_that_cannot_drive(field: str, value: object, expected: str) -> None:
     bench = Bench().online()
-    bench.news.clear()
-    bench.wait(40)
-    assert len(bench.news) == 1, "the change is told once"
-    assert str(bench.view().availability.reason) == "is silent: it has not reported its state for too long"
+    setattr(bench.robot, field, value)
+    assert reason(bench) == expected
 
 
 @pytest.mark.clause("6.6.6/fleet")
@@ -92,18 +96,6 @@ def test_a_fatal_error() -> None:
     assert bench.view().vehicle_state is VehicleState.ERROR
 
 
-def test_a_robot_that_is_not_localised() -> None:
-    bench = Bench().online()
-    bench.robot.localized = False
-    assert reason(bench) == "is not localised: set its initial position"
-
-
-def test_a_restarted_robot_without_a_pose() -> None:
-    bench = Bench().online()
-    bench.robot.has_pose = False
-    assert reason(bench) == "is not localised: set its initial position"
-
-
 def test_a_robot_that_never_reports_its_position_can_take_an_order() -> None:
     bench = Bench(robot=HonestRobot(has_pose=False)).online()
     assert reason(bench) is None
@@ -136,12 +128,6 @@ def test_a_robot_that_reports_no_position_any_more_since_it_connected_can_take_a
     assert reason(bench) is None
     bench.robot.has_pose = False
     assert reason(bench) == "is not localised: set its initial position"
-
-
-def test_a_paused_robot() -> None:
-    bench = Bench().online()
-    bench.robot.paused = True
-    assert reason(bench) == "is paused"
 
 
 def test_a_paused_robot_is_still_sent_its_vda_order() -> None:
@@ -238,9 +224,7 @@ def test_the_first_remaining_node_represents_all() -> None:
 
 def test_unchanged_states_still_count_as_received() -> None:
     bench = Bench().online()
-    bench.start(make_vda_order("m", "A", "B", "C"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_vda_order("m", "A", "B", "C"))
     for _ in range(3):
         bench.now += 1.0
         told = bench.report()

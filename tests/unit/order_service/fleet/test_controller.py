@@ -15,8 +15,7 @@ from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.vda_order import VdaOrder, released_to
 from nena_shared.fleet_api.reasons import Reason
 from nena_shared.vda5050.connection import ConnectionState
-from nena_shared.vda5050.factsheet import Factsheet
-from nena_shared.vda5050.state import NodeState, OperatingMode, State
+from nena_shared.vda5050.state import NodeState, State
 from nena_shared.vda5050.topics import RobotKey
 from support.fleet import Bench, hand_over, make_vda_order
 from support.fleet_examples import factsheet
@@ -38,14 +37,6 @@ def test_robots_do_not_touch_each_other() -> None:
 
 def other_robot(number: int) -> RobotKey:
     return RobotKey("Honest", f"other-{number}")
-
-
-def test_the_number_of_robots_is_limited() -> None:
-    bench = Bench(FleetSettings(robots_limit=2)).online()
-    tuple(bench.fleet.control(other_robot(1)).on_malformed(None, bench.now))
-    assert bench.fleet.has_room_for(ROBOT)
-    assert bench.fleet.has_room_for(other_robot(1))
-    assert not bench.fleet.has_room_for(other_robot(2))
 
 
 def test_viewing_a_robot_does_not_register_it() -> None:
@@ -95,8 +86,7 @@ def test_all_are_known_when_every_connected_robot_has_reported() -> None:
     bench = Bench()
     bench.now += RETAINED_WITHIN
     assert not bench.fleet.all_known(bench.now), "there is no broker yet"
-    bench.fleet.on_broker(connected=True, now=bench.now)
-    bench.tick()
+    bench.set_broker(connected=True)
     assert not bench.fleet.all_known(bench.now + RETAINED_WITHIN / 2), "it may have more to tell"
     bench.now += RETAINED_WITHIN
     assert bench.fleet.all_known(bench.now)
@@ -109,8 +99,7 @@ def test_all_are_known_when_every_connected_robot_has_reported() -> None:
 
 def test_an_unreachable_robot_is_not_waited_for() -> None:
     bench = Bench()
-    bench.fleet.on_broker(connected=True, now=bench.now)
-    bench.tick()
+    bench.set_broker(connected=True)
     bench.connection(ConnectionState.OFFLINE)
     assert bench.fleet.all_known(bench.now + RETAINED_WITHIN)
 
@@ -129,18 +118,11 @@ def test_a_silent_robot_is_reported_once() -> None:
     assert bench.tick() == ()
     bench.now += bench.settings.silent_after + 0.1
     assert bench.tick() == (RobotChanged(ROBOT),)
+    assert str(bench.view().availability.reason) == "is silent: it has not reported its state for too long"
     assert bench.tick() == ()
     bench.report()
     bench.now += bench.settings.silent_after + 0.1
     assert bench.tick() == (RobotChanged(ROBOT),), "and anew once it was heard again"
-
-
-def slow_factsheet() -> Factsheet:
-    """Return a factsheet of a robot that accepts an order every three seconds."""
-    made = factsheet()
-    timing = made.protocol_limits.timing.model_copy(update={"minimum_order_interval": 3.0})
-    limits = made.protocol_limits.model_copy(update={"timing": timing})
-    return made.model_copy(update={"protocol_limits": limits})
 
 
 def test_a_robot_has_one_vda_order_at_a_time() -> None:
@@ -157,12 +139,10 @@ def test_an_order_accepted_too_late_is_cancelled() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.wait(60, reporting=True)
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     assert not bench.view().availability.can_take_order
     assert bench.instants_sent() == ["cancelOrder"]
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     assert bench.view().availability.can_take_order
     assert bench.ends() == {"m": 1}
 
@@ -224,13 +204,11 @@ def test_nothing_is_sent_and_nothing_fails_while_our_own_link_is_down() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.lose()
-    bench.fleet.on_broker(connected=False, now=bench.now)
-    bench.tick()
+    bench.set_broker(connected=False)
     bench.wait(300)
     assert bench.orders_sent() == ["m"]
     assert "no connection to the MQTT broker" in str(bench.view().wait_reason)
-    bench.fleet.on_broker(connected=True, now=bench.now)
-    bench.tick()
+    bench.set_broker(connected=True)
     bench.report()
     bench.run()
     assert bench.told(VdaOrderFinished)
@@ -240,10 +218,8 @@ def test_a_new_leader_only_asks_a_robot_for_its_state_before_its_report() -> Non
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.lose()
-    bench.fleet.on_broker(connected=False, now=bench.now)
-    bench.tick()
-    bench.fleet.on_broker(connected=True, now=bench.now, unread=True)
-    bench.tick()
+    bench.set_broker(connected=False)
+    bench.set_broker(connected=True, unread=True)
     bench.cancel()
     bench.wait(20)
     assert (bench.orders_sent(), set(bench.instants_sent())) == (["m"], {"stateRequest"})
@@ -280,17 +256,6 @@ def test_a_running_vda_order_outlives_the_loss_of_the_link() -> None:
     assert bench.orders_sent() == ["m"]
 
 
-@pytest.mark.clause("7.10/interval")
-def test_orders_respect_the_factsheets_minimum_interval() -> None:
-    bench = Bench(FleetSettings(resend_after=0.25)).online()
-    bench.take(bench.fleet.on_factsheet(ROBOT, slow_factsheet(), bench.now))
-    bench.start(make_vda_order("m", "A", "B"))
-    bench.wait(2.75)
-    assert bench.orders_sent() == ["m"]
-    bench.wait(0.25)
-    assert bench.orders_sent() == ["m", "m"]
-
-
 def test_the_next_vda_order_is_sent_as_soon_as_the_first_is_done() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
@@ -319,8 +284,7 @@ def broken_link(bench: Bench) -> None:
 
 
 def own_link_down(bench: Bench) -> None:
-    bench.fleet.on_broker(connected=False, now=bench.now)
-    bench.tick()
+    bench.set_broker(connected=False)
 
 
 @pytest.mark.clause("6.1.2/fleet", "4.1/offline")
@@ -338,8 +302,7 @@ def test_an_update_does_not_fail_while_the_robot_is_unreachable(
     assert bench.view().order_phase is VdaOrderPhase.RUNNING
     assert len(bench.orders_sent()) == 1 + sendings
 
-    bench.fleet.on_broker(connected=True, now=bench.now)
-    bench.tick()
+    bench.set_broker(connected=True)
     bench.connection(ConnectionState.ONLINE)
     bench.report()
     bench.run()
@@ -348,11 +311,14 @@ def test_an_update_does_not_fail_while_the_robot_is_unreachable(
 
 
 @pytest.mark.clause("7.10/interval")
-def test_updates_respect_the_minimum_interval_too() -> None:
+@pytest.mark.parametrize("is_update", [False, True])
+def test_orders_and_updates_respect_the_factsheets_minimum_interval(*, is_update: bool) -> None:
     bench = Bench(FleetSettings(resend_after=0.25)).online()
-    bench.take(bench.fleet.on_factsheet(ROBOT, slow_factsheet(), bench.now))
-    bench.start_and_tell(released_to(long_way(), 2))
-    bench.take(bench.control.extend_order(long_way(), bench.now))
+    bench.take(bench.fleet.on_factsheet(ROBOT, factsheet(order_interval=3.0), bench.now))
+    bench.start(released_to(long_way(), 2))
+    if is_update:
+        bench.exchange()
+        bench.take(bench.control.extend_order(long_way(), bench.now))
     bench.wait(2.75)
     assert bench.orders_sent() == ["m"]
     bench.wait(0.25)
@@ -391,38 +357,15 @@ def test_a_robot_that_executes_an_ended_order_is_cancelled_again_after_a_delay()
 
 
 @pytest.mark.parametrize(
-    ("change", "worth_telling"),
-    [
-        ({"position": (7.0, 7.0, 1.0)}, False),
-        ({"charge": 80.9}, False),
-        ({"charge": 79.9}, True),
-        ({"charging": True}, True),
-        ({"localized": False}, True),
-        ({"mode": OperatingMode.MANUAL}, True),
-        ({"last_node_id": "Z"}, True),
-    ],
+    ("field", "value", "worth_telling"),
+    [("position", (7.0, 7.0, 1.0), False), ("charge", 80.9, False), ("charge", 79.9, True)],
 )
-def test_only_significant_changes_are_reported(change: dict[str, Any], *, worth_telling: bool) -> None:
+def test_only_significant_changes_are_reported(field: str, value: Any, *, worth_telling: bool) -> None:
     bench = Bench().online()
     assert bench.report() == ()
-    for name, value in change.items():
-        setattr(bench.robot, name, value)
+    setattr(bench.robot, field, value)
     assert bench.report() == ((RobotChanged(ROBOT),) if worth_telling else ())
     assert bench.report() == ()
-
-
-def test_the_view_follows_states_time_and_malformed_messages() -> None:
-    bench = Bench().online()
-    seen = bench.view()
-    bench.now += 1.0
-    assert bench.view() == seen
-    bench.report()
-    assert bench.view() != seen
-    assert bench.view().state_at == bench.now
-    bench.now += bench.settings.silent_after + 1.0
-    assert bench.view().link is LinkStatus.SILENT
-    tuple(bench.control.on_malformed(None, bench.now))
-    assert bench.view().malformed == 1
 
 
 def test_a_robot_executing_its_order_is_quiet() -> None:

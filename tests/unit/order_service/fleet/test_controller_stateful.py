@@ -182,8 +182,7 @@ class Conversation(RuleBasedStateMachine):
             self.take(bench.control.adopt_order(self.missions[vda_order], bench.now, accepted=known))
             if vda_order in self.cancelled:
                 bench.cancel()
-        bench.fleet.on_broker(connected=self.broker, now=bench.now)
-        bench.tick()
+        bench.set_broker(connected=self.broker)
         told = ConnectionState.ONLINE if self.robot_connected else ConnectionState.CONNECTION_BROKEN
         bench.connection(told)
 
@@ -256,8 +255,7 @@ class Conversation(RuleBasedStateMachine):
         if not connected:
             self.bench.wire.clear()
             self.states.clear()
-        self.bench.fleet.on_broker(connected=connected, now=self.bench.now)
-        self.bench.tick()
+        self.bench.set_broker(connected=connected)
 
     # what the robot does
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from nena_order_service.fleet.failures import FailureKind
 from nena_order_service.fleet.feasibility import instant_action_problem, order_problem
 from nena_order_service.fleet.outputs import (
     InstantActionEnded,
@@ -14,17 +15,12 @@ from nena_order_service.fleet.outputs import (
     VdaOrderFinished,
 )
 from nena_order_service.fleet.robot import Abilities
-from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.vda5050.action import Action, ActionParameter, ActionStatus, BlockingType
 from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,
     ActionScope,
     Factsheet,
-    MaximumArrayLengths,
-    MaximumStringLengths,
     MobileRobotAction,
-    OptionalParameter,
-    Support,
     ValueDataType,
 )
 from support.fleet import Bench, make_vda_order
@@ -45,27 +41,8 @@ PICK = MobileRobotAction(
 MISSION = make_vda_order("m1", "A", "B", operation="pick")
 
 
-def sheet(
-    *actions: MobileRobotAction,
-    fields: tuple[OptionalParameter, ...] = (),
-    arrays: dict[str, Any] | None = None,
-    strings: dict[str, Any] | None = None,
-) -> Factsheet:
-    made = example()
-    limits = made.protocol_limits.model_copy(
-        update={
-            "maximum_array_lengths": MaximumArrayLengths.model_validate(arrays or {}),
-            "maximum_string_lengths": MaximumStringLengths(**(strings or {})),
-        }
-    )
-    features = made.protocol_features.model_copy(
-        update={"mobile_robot_actions": actions, "optional_parameters": fields}
-    )
-    return made.model_copy(update={"protocol_limits": limits, "protocol_features": features})
-
-
-def demanded(name: str) -> tuple[OptionalParameter, ...]:
-    return (OptionalParameter(parameter=name, support=Support.REQUIRED),)
+def sheet(*actions: MobileRobotAction, **content: Any) -> Factsheet:
+    return example(actions=actions, **content)
 
 
 def changed(**changes: Any) -> MobileRobotAction:
@@ -80,11 +57,11 @@ def changed(**changes: Any) -> MobileRobotAction:
         sheet(PICK, arrays={"order.nodes": 2, "order.edges": 1, "node.actions": 1}),
         sheet(arrays={"order.nodes": 0}),
         sheet(arrays={"state.nodeStates": 1, "state.edgeStates": 1, "state.actionStates": 1}),
-        sheet(fields=demanded("order.nodes.nodePosition")),
-        sheet(fields=demanded("order.nodes.nodePosition.mapId")),
-        sheet(fields=demanded("nodes.nodePosition.allowedDeviationXY")),
-        sheet(fields=demanded("state.loads")),
-        sheet(fields=demanded("order.edges.actions.actionDescriptor")),
+        sheet(demands=("order.nodes.nodePosition",)),
+        sheet(demands=("order.nodes.nodePosition.mapId",)),
+        sheet(demands=("nodes.nodePosition.allowedDeviationXY",)),
+        sheet(demands=("state.loads",)),
+        sheet(demands=("order.edges.actions.actionDescriptor",)),
         sheet(strings={"maximum_id_length": 7}),
         sheet(strings={"maximum_message_length": 10_000}),
         sheet(changed(action_scopes=(ActionScope.EDGE,)), PICK),
@@ -113,9 +90,9 @@ def test_a_vda_order_that_fits_is_taken(factsheet: Factsheet) -> None:
             ),
             "requires the parameter 'height'",
         ),
-        (sheet(fields=demanded("order.nodes.nodePosition.theta")), "which cannot be filled here"),
-        (sheet(fields=demanded("order.edges.trajectory")), "which cannot be filled here"),
-        (sheet(fields=demanded("order.orderDescription")), "which cannot be filled here"),
+        (sheet(demands=("order.nodes.nodePosition.theta",)), "which cannot be filled here"),
+        (sheet(demands=("order.edges.trajectory",)), "which cannot be filled here"),
+        (sheet(demands=("order.orderDescription",)), "which cannot be filled here"),
         (sheet(strings={"maximum_id_length": 1}), "longer than 1"),
         (sheet(strings={"id_numerical_only": True}), "numeric IDs"),
         (sheet(strings={"maximum_message_length": 300}), "allows messages of 300 bytes, not "),
@@ -191,6 +168,7 @@ def test_an_infeasible_order_is_never_sent() -> None:
     assert str(failed.reason) == (
         "the robot cannot execute the order: its factsheet does not list the action 'pick'"
     )
+    assert failed.kind is FailureKind.UNFIT
     bench.start(make_vda_order("m2", "A", "B"))
     bench.run()
     assert [each.order_id for each in bench.told(VdaOrderFinished)] == ["m2"]
@@ -223,19 +201,3 @@ def test_instant_actions_per_message_respect_the_factsheet_limit() -> None:
 
     sizes = [len(each.actions) for each in bench.sent if isinstance(each, PublishInstantActions)]
     assert sizes == [2, 1]
-
-
-@pytest.mark.clause("7.10/interval")
-def test_orders_respect_the_robots_minimum_interval() -> None:
-    bench = Bench(FleetSettings(resend_after=1.0)).online()
-    patient = sheet()
-    timing = patient.protocol_limits.timing.model_copy(update={"minimum_order_interval": 5.0})
-    limits = patient.protocol_limits.model_copy(update={"timing": timing})
-    slow = patient.model_copy(update={"protocol_limits": limits})
-    bench.take(bench.fleet.on_factsheet(bench.robot.key, slow, bench.now))
-    bench.start(MISSION)
-
-    bench.wait(4.75)
-    assert len(bench.orders_sent()) == 1
-    bench.wait(0.25)
-    assert len(bench.orders_sent()) == 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import pi
+from typing import Any
 
 import hypothesis.strategies as st
 import pytest
@@ -16,8 +17,6 @@ from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,
     ActionScope,
     MobileRobotAction,
-    OptionalParameter,
-    Support,
     ValueDataType,
 )
 from nena_shared.vda5050.order import NodePosition
@@ -30,17 +29,13 @@ MISSION = make_vda_order("m1", "A", "B", operation="pick")
 
 
 def abilities(
-    *actions: MobileRobotAction, takes: tuple[str, ...] = (), demands: tuple[str, ...] = ()
+    *actions: MobileRobotAction,
+    takes: tuple[str, ...] = (),
+    demands: tuple[str, ...] = (),
+    version: str = "2.1.0",
 ) -> Abilities:
-    made = example()
-    fields = (
-        *(OptionalParameter(parameter=f"order.{each}", support=Support.SUPPORTED) for each in takes),
-        *(OptionalParameter(parameter=f"order.{each}", support=Support.REQUIRED) for each in demands),
-    )
-    features = made.protocol_features.model_copy(
-        update={"optional_parameters": fields, "mobile_robot_actions": actions}
-    )
-    return Abilities(made.model_copy(update={"protocol_features": features}))
+    takes, demands = (tuple(f"order.{each}" for each in fields) for fields in (takes, demands))
+    return Abilities(example(actions=actions, takes=takes, demands=demands, version=version))
 
 
 def pick(**kinds: ValueDataType) -> MobileRobotAction:
@@ -53,6 +48,15 @@ def pick(**kinds: ValueDataType) -> MobileRobotAction:
         ),
         pause_allowed=False,
         cancel_allowed=False,
+    )
+
+
+def ordered_pick(**values: Any) -> Action:
+    return Action(
+        action_type="pick",
+        action_id="p",
+        blocking_type=BlockingType.HARD,
+        action_parameters=tuple(ActionParameter(key=key, value=value) for key, value in values.items()),
     )
 
 
@@ -203,25 +207,12 @@ def test_an_unknown_required_speed_is_a_problem() -> None:
     ],
 )
 def test_text_becomes_the_declared_type(kind: ValueDataType, text: str, value: object) -> None:
-    action = Action(
-        action_type="pick",
-        action_id="a",
-        blocking_type=BlockingType.HARD,
-        action_parameters=(ActionParameter(key="height", value=text),),
-    )
-
-    assert fitted_action(action, abilities(pick(height=kind))).parameter("height") == value
+    robot = abilities(pick(height=kind))
+    assert fitted_action(ordered_pick(height=text), robot).parameter("height") == value
 
 
 def test_added_parameters_are_sent_only_to_robots_that_list_them() -> None:
-    action = Action(
-        action_type="pick",
-        action_id="a",
-        blocking_type=BlockingType.HARD,
-        action_parameters=tuple(
-            ActionParameter(key=key, value="x") for key in ("stationType", "loadType", "height")
-        ),
-    )
+    action = ordered_pick(stationType="x", loadType="x", height="x")
 
     def keys(robot: Abilities) -> list[str]:
         return [each.key for each in fitted_action(action, robot).action_parameters]
@@ -271,15 +262,10 @@ def test_fitting_twice_changes_nothing_and_requested_headings_stay(
 
 @pytest.mark.parametrize(("given", "text"), [(3, "3"), (1.5, "1.5"), (True, "true"), ("x", "x")])
 def test_a_number_becomes_text_if_the_robot_declares_a_string(given: float | str, text: str) -> None:
-    action = Action(
-        action_type="pick",
-        action_id="p",
-        blocking_type=BlockingType.HARD,
-        action_parameters=(ActionParameter(key="height", value=given),),
-    )
-    (parameter,) = fitted_action(action, abilities(pick(height=ValueDataType.STRING))).action_parameters
-    assert parameter.value == text
-    assert isinstance(parameter.value, str)
+    robot = abilities(pick(height=ValueDataType.STRING))
+    value = fitted_action(ordered_pick(height=given), robot).parameter("height")
+    assert value == text
+    assert isinstance(value, str)
 
 
 @pytest.mark.clause("6.2.3/pick")
@@ -297,13 +283,7 @@ def test_a_number_becomes_text_if_the_robot_declares_a_string(given: float | str
 def test_the_load_handling_device_has_the_listed_key_or_that_of_the_version(
     given: str, listed: str | None, version: str, sent: str
 ) -> None:
-    action = Action(
-        action_type="pick",
-        action_id="p",
-        blocking_type=BlockingType.HARD,
-        action_parameters=(ActionParameter(key=given, value="fork"),),
-    )
     kinds = {listed: ValueDataType.STRING} if listed else {}
-    robot = Abilities(abilities(pick(**kinds)).factsheet.model_copy(update={"version": version}))
-    (parameter,) = fitted_action(action, robot).action_parameters
+    robot = abilities(pick(**kinds), version=version)
+    (parameter,) = fitted_action(ordered_pick(**{given: "fork"}), robot).action_parameters
     assert (parameter.key, parameter.value) == (sent, "fork")

@@ -12,9 +12,10 @@ from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, Robot
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState
-from nena_shared.vda5050.factsheet import ActionScope, MaximumArrayLengths, MobileRobotAction
+from nena_shared.vda5050.factsheet import ActionScope, MobileRobotAction
 from nena_shared.vda5050.state import OperatingMode
 from support.fleet import Bench, make_vda_order
+from support.fleet_examples import factsheet
 from support.honest_robot import HonestRobot
 
 
@@ -27,32 +28,28 @@ def ended(bench: Bench) -> InstantActionEnded:
     return only
 
 
-@pytest.mark.clause("6.2.1/fleet")
-def test_a_pause_is_sent_and_its_end_is_reported() -> None:
-    bench = Bench().online()
+def shows(bench: Bench, action_type: str, status: ActionStatus, action_id: str = "i1") -> None:
+    """Have the robot report the state of an instant action."""
+    bench.robot.instants[action_id] = (action(action_type, action_id), status)
+    bench.report()
+
+
+@pytest.mark.clause("6.2.1/fleet", "6.6.9/instant")
+@pytest.mark.parametrize("apart", [False, True], ids=["2.1", "3.0"])
+def test_a_pause_is_sent_and_its_end_is_reported(*, apart: bool) -> None:
+    bench = Bench(robot=HonestRobot(reports_instants_apart=apart)).online()
     bench.instruct(action("startPause"))
     assert bench.instants_sent() == ["startPause"]
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     assert ended(bench).status is ActionStatus.FINISHED
     assert bench.robot.paused
-
-
-@pytest.mark.clause("6.6.9/instant")
-def test_the_states_of_3_0_are_found_in_their_own_place() -> None:
-    bench = Bench(robot=HonestRobot(reports_instants_apart=True)).online()
-    bench.instruct(action("stopPause"))
-    bench.deliver()
-    bench.report()
-    assert ended(bench).status is ActionStatus.FINISHED
 
 
 @pytest.mark.clause("6.2.1/fleet")
 def test_an_instant_action_that_the_robot_cannot_execute_fails() -> None:
     bench = Bench().online()
     bench.instruct(action("fly"))
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     assert ended(bench).status is ActionStatus.FAILED
     assert str(ended(bench).reason) == "the robot failed to execute it"
 
@@ -72,8 +69,7 @@ def test_a_reported_action_is_not_resent_and_times_out() -> None:
     bench = Bench(FleetSettings(instant_action_limit=20)).online()
     bench.instruct(action("downloadMap"))
     bench.lose()
-    bench.robot.instants["i1"] = (action("downloadMap"), ActionStatus.RUNNING)
-    bench.report()
+    shows(bench, "downloadMap", ActionStatus.RUNNING)
     bench.wait(19, reporting=True)
     assert bench.told(InstantActionEnded) == []
     bench.wait(3, reporting=True)
@@ -84,8 +80,7 @@ def test_a_reported_action_is_not_resent_and_times_out() -> None:
 def test_timeouts_are_suspended_while_the_robot_is_unreachable() -> None:
     bench = Bench(FleetSettings(instant_action_limit=20)).online()
     bench.instruct(action("downloadMap"))
-    bench.robot.instants["i1"] = (action("downloadMap"), ActionStatus.RUNNING)
-    bench.report()
+    shows(bench, "downloadMap", ActionStatus.RUNNING)
     bench.connection(ConnectionState.CONNECTION_BROKEN)
     bench.wait(500)
     assert bench.told(InstantActionEnded) == []
@@ -98,8 +93,7 @@ def test_timeouts_are_suspended_while_the_robot_is_unreachable() -> None:
 def test_an_action_that_vanishes_with_a_restart_has_ended() -> None:
     bench = Bench().online()
     bench.instruct(action("downloadMap"))
-    bench.robot.instants["i1"] = (action("downloadMap"), ActionStatus.RUNNING)
-    bench.report()
+    shows(bench, "downloadMap", ActionStatus.RUNNING)
     bench.robot.restart(journal=True)
     bench.now += 1
     bench.report()
@@ -143,8 +137,7 @@ def test_a_cancel_is_resent_only_after_manual_mode() -> None:
     assert bench.instants_sent() == ["cancelOrder"]
     bench.robot.mode = OperatingMode.AUTOMATIC
     bench.report()
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     assert bench.story()[-1] == "VdaOrderCancelled"
 
 
@@ -179,8 +172,7 @@ def test_a_robot_in_mode_intervened_is_sent_only_cancel_order() -> None:
 def test_an_id_is_never_used_twice() -> None:
     bench = Bench().online()
     bench.instruct(action("startPause"))
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     bench.news.clear()
     bench.instruct(action("stopPause"))
     assert str(ended(bench).reason) == "not sent: the actionId 'i1' has been used before"
@@ -199,8 +191,7 @@ def test_a_requested_cancel_ends_the_vda_order_and_is_reported() -> None:
     bench = Bench().online()
     bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.instruct(action("cancelOrder"))
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     assert ended(bench).status is ActionStatus.FINISHED
     assert bench.story()[-1] == "VdaOrderFailed"
 
@@ -210,8 +201,7 @@ def test_own_cancels_are_not_reported() -> None:
     bench.start(make_vda_order("m", "A", "B"))
     bench.deliver()
     bench.cancel()
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     assert bench.told(InstantActionEnded) == []
     assert bench.ends() == {"m": 1}
 
@@ -237,8 +227,7 @@ def clearer() -> HonestRobot:
 def end_some(bench: Bench, count: int) -> None:
     for number in range(count):
         bench.instruct(action("stopPause", f"i{number}"))
-        bench.deliver()
-        bench.report()
+        bench.exchange()
 
 
 @pytest.mark.clause("6.2.3/clearInstantActions")
@@ -247,8 +236,7 @@ def test_ended_instant_actions_are_cleared_before_they_pile_up() -> None:
     end_some(bench, 2)
 
     assert bench.instants_sent() == ["stopPause", "stopPause", "clearInstantActions"]
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     assert [each.action_type for each in bench.robot.state().instant_action_states] == ["clearInstantActions"]
     bench.wait(5, reporting=True)
     assert bench.instants_sent().count("clearInstantActions") == 1
@@ -269,10 +257,8 @@ def test_a_lost_clear_is_resent_unchanged() -> None:
 @pytest.mark.clause("6.2.3/clearInstantActions", "7.10")
 def test_a_robot_with_little_room_is_sent_clear_earlier() -> None:
     bench = Bench(robot=clearer()).online()
-    sheet = bench.robot.factsheet()
-    arrays = MaximumArrayLengths.model_validate({"state.instantActionStates": 6})
-    limits = sheet.protocol_limits.model_copy(update={"maximum_array_lengths": arrays})
-    little = sheet.model_copy(update={"protocol_limits": limits})
+    lists = bench.robot.factsheet().protocol_features.mobile_robot_actions
+    little = factsheet(version="3.0.0", actions=lists, arrays={"state.instantActionStates": 6})
     bench.take(bench.fleet.on_factsheet(bench.robot.key, little, bench.now))
 
     end_some(bench, 3)
@@ -298,8 +284,7 @@ def test_a_robot_without_clear_instant_actions_is_not_sent_it(robot: HonestRobot
 def without_factsheet() -> Bench:
     """Return a bench with a robot that is online, and whose factsheet the broker has not retained."""
     bench = Bench()
-    bench.fleet.on_broker(connected=True, now=bench.now)
-    bench.tick()
+    bench.set_broker(connected=True)
     hello = bench.robot.connection(ConnectionState.ONLINE, bench.now)
     bench.take(bench.fleet.on_connection(bench.robot.key, hello, bench.now))
     bench.report()
@@ -343,43 +328,14 @@ def test_a_robot_without_a_factsheet_is_asked_for_it_once_per_connection() -> No
     assert bench.instants_sent() == ["factsheetRequest", "factsheetRequest"]
 
 
-@pytest.mark.clause("6.1.3/named")
-@pytest.mark.parametrize(("version", "named"), [("2.1.0", []), ("3.0.0", ["m1"])])
-def test_a_cancel_names_the_order_if_the_version_allows_it(version: str, named: list[str]) -> None:
-    bench = Bench(robot=HonestRobot(version=version)).online()
-    bench.start_and_tell(make_vda_order("m1", "A", "B", "C"))
-
-    bench.cancel()
-
-    (cancel,) = [
-        each
-        for sent in bench.sent
-        if isinstance(sent, PublishInstantActions)
-        for each in sent.actions
-        if each.action_type == "cancelOrder"
-    ]
-    assert [each.value for each in cancel.action_parameters] == named
-
-
-def alone(robot: HonestRobot | None = None, **arrays: int) -> InstantActionManager:
-    """Return a manager of an online robot; ``arrays`` limits lists in its factsheet."""
+def alone(robot: HonestRobot | None = None) -> InstantActionManager:
+    """Return a manager of an online robot."""
     honest, settings, numbers = robot or HonestRobot(), FleetSettings(clear_instant_actions_from=1), count(1)
     known = Robot(honest.key, settings)
     known.take_connection(honest.connection(ConnectionState.ONLINE), 0.0)
-    sheet = honest.factsheet()
-    limits = sheet.protocol_limits.model_copy(update={"maximum_array_lengths": MaximumArrayLengths(**arrays)})
-    known.take_factsheet(sheet.model_copy(update={"protocol_limits": limits}))
+    known.take_factsheet(honest.factsheet())
     known.take_state(honest.state(), 0.0)
     return InstantActionManager(known, settings, lambda: f"id-{next(numbers)}", broker=True)
-
-
-def test_due_actions_are_split_by_the_robots_limit() -> None:
-    manager = alone(instant_actions=2)
-    for number in range(5):
-        assert list(manager.begin_requested(action("startPause", f"i{number}"), 0.0)) == []
-    sent = [len(each.actions) for each in manager.send_due(0.0) if isinstance(each, PublishInstantActions)]
-    assert sent == [2, 2, 1]
-    assert list(manager.send_due(0.0)) == [], "it waits for what the robot says"
 
 
 def test_without_our_own_link_nothing_starts_and_started_actions_wait() -> None:
@@ -447,8 +403,7 @@ def hibernate(bench: Bench) -> None:
     """Have the robot report the end of startHibernation, then hibernate."""
     bench.instruct(action("startHibernation", "s"))
     bench.lose()
-    bench.robot.instants["s"] = (action("startHibernation", "s"), ActionStatus.FINISHED)
-    bench.report()
+    shows(bench, "startHibernation", ActionStatus.FINISHED, "s")
     bench.wait(1)
     bench.connection(ConnectionState.HIBERNATING)
 
@@ -459,7 +414,7 @@ def test_a_robot_that_is_about_to_leave_gets_no_order_until_its_connection_shows
     bench = Bench().online()
     bench.instruct(action(leaving))
     assert str(bench.view().availability.reason) == "is about to hibernate or to shut down"
-    bench.robot.instants["i1"] = (action(leaving), ActionStatus.FINISHED)
+    shows(bench, leaving, ActionStatus.FINISHED)
     bench.lose()
     bench.report()
     assert ended(bench).status is ActionStatus.FINISHED
@@ -478,8 +433,7 @@ def test_a_robot_that_does_not_hibernate_takes_orders_again(stays: str) -> None:
     bench.instruct(action("startHibernation"))
     failed = stays == "it failed"
     status = ActionStatus.FAILED if failed else ActionStatus.FINISHED
-    bench.robot.instants["i1"] = (action("startHibernation"), status)
-    bench.report()
+    shows(bench, "startHibernation", status)
     assert bench.view().availability.can_take_order is failed
 
     bench.wait(LEAVING_WITHIN, reporting=True)
@@ -500,8 +454,7 @@ def test_a_hibernating_robot_is_sent_only_stop_hibernation() -> None:
 
     bench.wait(1)
     bench.connection(ConnectionState.ONLINE)
-    bench.robot.instants["w"] = (action("stopHibernation", "w"), ActionStatus.FINISHED)
-    bench.report()
+    shows(bench, "stopHibernation", ActionStatus.FINISHED, "w")
     assert bench.told(InstantActionEnded)[-1].status is ActionStatus.FINISHED
     assert bench.view().availability.can_take_order
 
@@ -524,8 +477,7 @@ def test_a_robot_may_take_long_to_wake() -> None:
 def test_a_new_leader_wakes_a_robot_that_does_not_report() -> None:
     bench = Bench().online()
     hibernate(bench)
-    bench.fleet.on_broker(connected=True, now=bench.now, unread=True)
-    bench.tick()
+    bench.set_broker(connected=True, unread=True)
     assert str(bench.view().availability.reason) == "is hibernating"
 
     bench.instruct(action("stopHibernation", "w"))
@@ -534,8 +486,7 @@ def test_a_new_leader_wakes_a_robot_that_does_not_report() -> None:
 
     bench.connection(ConnectionState.ONLINE)
     bench.wait(1)
-    bench.robot.instants["w"] = (action("stopHibernation", "w"), ActionStatus.FINISHED)
-    bench.report()
+    shows(bench, "stopHibernation", ActionStatus.FINISHED, "w")
     assert bench.told(InstantActionEnded)[-1].status is ActionStatus.FINISHED
 
 
@@ -543,12 +494,9 @@ def test_a_new_leader_wakes_a_robot_that_does_not_report() -> None:
 def test_a_robot_whose_hibernation_is_revoked_gets_orders_at_once() -> None:
     bench = Bench().online()
     bench.instruct(action("startHibernation", "s"))
-    bench.robot.instants["s"] = (action("startHibernation", "s"), ActionStatus.FINISHED)
-    bench.report()
+    shows(bench, "startHibernation", ActionStatus.FINISHED, "s")
     bench.instruct(action("stopHibernation", "w"))
-    bench.robot.instants["w"] = (action("stopHibernation", "w"), ActionStatus.FINISHED)
-
-    bench.report()
+    shows(bench, "stopHibernation", ActionStatus.FINISHED, "w")
 
     assert bench.view().availability.can_take_order
 
@@ -563,8 +511,7 @@ def test_the_connection_shows_that_a_robot_has_left_if_its_last_state_is_lost(
 ) -> None:
     bench = Bench().online()
     bench.instruct(action(leaving, "s"))
-    bench.robot.instants["s"] = (action(leaving, "s"), ActionStatus.RUNNING)
-    bench.report()
+    shows(bench, leaving, ActionStatus.RUNNING, "s")
 
     bench.connection(link)
 
@@ -572,8 +519,7 @@ def test_the_connection_shows_that_a_robot_has_left_if_its_last_state_is_lost(
     assert str(ended(bench).reason) == f"done: the robot is {link}"
 
     bench.connection(ConnectionState.ONLINE)
-    bench.robot.instants["s"] = (action(leaving, "s"), ActionStatus.FINISHED)
-    bench.report()
+    shows(bench, leaving, ActionStatus.FINISHED, "s")
     assert bench.view().availability.can_take_order
 
 
@@ -581,14 +527,11 @@ def test_the_connection_shows_that_a_robot_has_left_if_its_last_state_is_lost(
 def test_a_robot_that_hibernated_unseen_gets_orders_once_it_is_back() -> None:
     bench = Bench().online()
     bench.instruct(action("startHibernation", "s"))
-    bench.robot.instants["s"] = (action("startHibernation", "s"), ActionStatus.RUNNING)
-    bench.report()
+    shows(bench, "startHibernation", ActionStatus.RUNNING, "s")
     bench.connection(ConnectionState.CONNECTION_BROKEN)
     bench.wait(1)
     bench.connection(ConnectionState.ONLINE)
-    bench.robot.instants["s"] = (action("startHibernation", "s"), ActionStatus.FINISHED)
-
-    bench.report()
+    shows(bench, "startHibernation", ActionStatus.FINISHED, "s")
 
     assert ended(bench).status is ActionStatus.FINISHED
     assert bench.view().availability.can_take_order
@@ -597,12 +540,10 @@ def test_a_robot_that_hibernated_unseen_gets_orders_once_it_is_back() -> None:
 @pytest.mark.clause("6.2.3/hibernationAsked")
 def test_a_robot_hibernating_for_a_former_order_service_gets_no_order() -> None:
     bench = Bench(robot=HonestRobot(reports_instants_apart=True)).online()
-    bench.robot.instants["s"] = (action("startHibernation", "s"), ActionStatus.RUNNING)
-    bench.report()
+    shows(bench, "startHibernation", ActionStatus.RUNNING, "s")
     assert str(bench.view().availability.reason) == "is about to hibernate or to shut down"
 
-    bench.robot.instants["s"] = (action("startHibernation", "s"), ActionStatus.FINISHED)
-    bench.report()
+    shows(bench, "startHibernation", ActionStatus.FINISHED, "s")
     assert str(bench.view().availability.reason) == "is about to hibernate or to shut down"
 
     bench.wait(LEAVING_WITHIN, reporting=True)

@@ -49,19 +49,37 @@ def addresses(**properties: str) -> RobotAddresses:
     return known
 
 
+class Handlers(MqttLink):
+    """A link without a broker, whose messages a test delivers."""
+
+    def __init__(self) -> None:
+        super().__init__(MqttSettings(), client_id="c")
+        self.by_filter: dict[str, Handler] = {}
+
+    def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1, needed: bool = True) -> None:
+        assert qos in (0, 1), needed
+        self.by_filter[topic_filter] = handler
+
+
+def link_over(
+    mqtt: MqttLink, clock: ManualClock | None = None, settings: FleetSettings | None = None
+) -> FleetLink:
+    """Return a link that tells nobody of events."""
+    return FleetLink(
+        mqtt,
+        addresses=addresses(version="2.1.0"),
+        settings=settings or FleetSettings(),
+        clock=clock or ManualClock(),
+        on_events=lambda *_: None,
+    )
+
+
 @pytest.mark.parametrize("robot", [ROBOT, RobotKey("ACME", "not in the plant model")])
 def test_a_robot_of_unknown_version_is_addressed_on_all_topics_that_it_may_use(robot: RobotKey) -> None:
     found = addresses().addresses_of(robot)
 
     assert [(each.codec.version, each.scheme) for each in found] == [("2.0.0", V2), ("3.0.0", V3)]
     assert addresses().schemes == (V2, V3)
-
-
-def test_a_vehicle_with_an_interface_name_is_addressed_below_it() -> None:
-    assert [each.scheme for each in addresses(interfaceName="acme/hall").addresses_of(ROBOT)] == [
-        TopicScheme("acme/hall", "v2"),
-        TopicScheme("acme/hall", "v3"),
-    ]
 
 
 @pytest.mark.parametrize(
@@ -80,23 +98,28 @@ def test_the_plant_model_names_its_version(written: str, version: str, scheme: T
     assert (address.codec.version, address.scheme) == (version, scheme)
 
 
-@pytest.mark.parametrize("name", ["#", "a/+/b", "uagv/"])
-def test_an_invalid_interface_name_is_an_error_of_the_plant_model(name: str) -> None:
-    with pytest.raises(ConfigurationError, match=r"vehicle 'Tug', property vda5050:interfaceName"):
-        addresses(interfaceName=name)
+@pytest.mark.parametrize(
+    ("key", "value", "named"),
+    [
+        ("interfaceName", "#", "interfaceName"),
+        ("interfaceName", "a/+/b", "interfaceName"),
+        ("interfaceName", "uagv/", "interfaceName"),
+        ("version", "1.1", r"version.*'1\.1'"),
+    ],
+)
+def test_an_invalid_property_is_an_error_of_the_plant_model(key: str, value: str, named: str) -> None:
+    with pytest.raises(ConfigurationError, match=rf"vehicle 'Tug', property vda5050:{named}"):
+        addresses(**{key: value})
 
 
 def test_the_plant_model_names_its_topics() -> None:
-    known = addresses(version="2.0.0", interfaceName="acme/hall")
-    (address,) = known.addresses_of(ROBOT)
+    own = TopicScheme("acme/hall", "v2"), TopicScheme("acme/hall", "v3")
+    known = addresses(interfaceName="acme/hall")
+    (address,) = addresses(version="2.0.0", interfaceName="acme/hall").addresses_of(ROBOT)
 
-    assert address.scheme == TopicScheme("acme/hall", "v2")
-    assert known.schemes == (V2, V3, TopicScheme("acme/hall", "v2"), TopicScheme("acme/hall", "v3"))
-
-
-def test_an_unsupported_version_is_an_error_of_the_plant_model() -> None:
-    with pytest.raises(ConfigurationError, match=r"vehicle 'Tug', property vda5050:version.*'1\.1'"):
-        addresses(version="1.1")
+    assert address.scheme == own[0]
+    assert tuple(each.scheme for each in known.addresses_of(ROBOT)) == own
+    assert known.schemes == (V2, V3, *own)
 
 
 def test_a_robot_that_the_store_cannot_hold_is_an_error_of_the_plant_model() -> None:
@@ -105,31 +128,21 @@ def test_a_robot_that_the_store_cannot_hold_is_an_error_of_the_plant_model() -> 
         RobotAddresses([V2, V3]).expect_vehicles([(long, Vehicle(name="Tug"))])
 
 
-def test_the_robots_messages_override_the_plant_model() -> None:
-    known = addresses(version="2.0.0")
+@pytest.mark.parametrize(
+    ("written", "told", "scheme", "retained"), [("2.0.0", "3.0.0", V3, False), ("3.0.0", "2.1.0", V2, True)]
+)
+def test_a_robots_messages_override_the_plant_model_unless_outdated_and_retained(
+    written: str, told: str, scheme: TopicScheme, *, retained: bool
+) -> None:
+    known = addresses(version=written)
 
-    assert known.learn_source(ROBOT, codec_for("3.0.0"), V3, HELLO, retained=False)
-
-    (address,) = known.addresses_of(ROBOT)
-    assert address.scheme == V3
-
-
-def test_outdated_retained_messages_are_ignored() -> None:
-    known = addresses(version="3.0.0")
-
-    assert not known.learn_source(ROBOT, codec_for("2.1.0"), V2, HELLO, retained=True)
+    assert known.learn_source(ROBOT, codec_for(told), scheme, HELLO, retained=retained) is not retained
     (address,) = known.addresses_of(ROBOT)
     assert address.scheme == V3
 
 
 def test_an_order_refused_to_a_busy_robot_is_not_counted_as_undelivered() -> None:
-    link = FleetLink(
-        MqttLink(MqttSettings(), client_id="c"),
-        addresses=RobotAddresses([V2]),
-        settings=FleetSettings(),
-        clock=ManualClock(),
-        on_events=lambda *_: None,
-    )
+    link = link_over(Handlers())
     link.start_vda_order(ROBOT, make_vda_order("m1", "A", "B"))
 
     with pytest.raises(RobotBusyError):
@@ -259,18 +272,6 @@ def test_a_last_node_may_be_outdated_in_a_round_trip_until_another_is_reported(
     assert not nodes.may_be_outdated(ROBOT, state, None)
 
 
-class Handlers(MqttLink):
-    """A link without a broker, whose messages a test delivers."""
-
-    def __init__(self) -> None:
-        super().__init__(MqttSettings(), client_id="c")
-        self.by_filter: dict[str, Handler] = {}
-
-    def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1, needed: bool = True) -> None:
-        assert qos in (0, 1), needed
-        self.by_filter[topic_filter] = handler
-
-
 @pytest.mark.parametrize("start", ["A", "B"])
 def test_an_order_finishes_slightly_off_the_heading_with_kept_last_node(
     start: str,
@@ -294,13 +295,7 @@ def test_an_order_finishes_slightly_off_the_heading_with_kept_last_node(
 
 def test_a_robot_that_floods_is_read_at_its_rate_and_others_at_once() -> None:
     mqtt, codec, clock = Handlers(), codec_for("2.1.0"), ManualClock()
-    link = FleetLink(
-        mqtt,
-        addresses=addresses(version="2.1.0"),
-        settings=FleetSettings(messages_per_second=10, messages_burst=20),
-        clock=clock,
-        on_events=lambda *_: None,
-    )
+    link = link_over(mqtt, clock, FleetSettings(messages_per_second=10, messages_burst=20))
 
     def send(robot: HonestRobot, topic: Topic, payload: bytes) -> None:
         mqtt.by_filter[V2.for_all(topic)](Inbound(V2.of(robot.key, topic), payload, retained=False))
@@ -331,12 +326,8 @@ def test_a_robot_that_floods_is_read_at_its_rate_and_others_at_once() -> None:
 
 async def test_the_last_will_of_a_robot_that_flooded_its_connection_topic_is_read() -> None:
     mqtt, codec, clock = Handlers(), codec_for("2.1.0"), ManualClock()
-    link = FleetLink(
-        mqtt,
-        addresses=addresses(version="2.1.0"),
-        settings=FleetSettings(messages_per_second=10, messages_burst=20, tick_interval=0.001),
-        clock=clock,
-        on_events=lambda *_: None,
+    link = link_over(
+        mqtt, clock, FleetSettings(messages_per_second=10, messages_burst=20, tick_interval=0.001)
     )
     robot, topic = HonestRobot(key=ROBOT), V2.of(ROBOT, Topic.CONNECTION)
     wills = [ConnectionState.ONLINE] * 30 + [ConnectionState.CONNECTION_BROKEN]
@@ -373,13 +364,7 @@ async def test_waiting_messages_are_read_before_an_order_is_sent_again() -> None
     mqtt, codec, clock = Waiting(), codec_for("2.1.0"), ManualClock()
     mqtt.state.connected = True
     settings = FleetSettings(tick_interval=0.001)
-    link = FleetLink(
-        mqtt,
-        addresses=addresses(version="2.1.0"),
-        settings=settings,
-        clock=clock,
-        on_events=lambda *_: None,
-    )
+    link = link_over(mqtt, clock, settings)
 
     def inbound(topic: Topic, payload: bytes) -> Inbound:
         return Inbound(V2.of(ROBOT, topic), payload, retained=False)

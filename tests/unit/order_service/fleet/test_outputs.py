@@ -49,19 +49,6 @@ def test_after_an_outage_delivery_restarts_at_once(settings: FleetSettings) -> N
     assert len(sendings(delivery)) == settings.sendings
 
 
-def test_an_unnamed_refusal_triggers_a_resend_and_counts_after_the_delay() -> None:
-    delivery = Delivery(FleetSettings(sendings=3, resend_after=5.0))
-    delivery.note_sent(100.0)
-    assert not delivery.is_due(101.0)
-
-    assert not delivery.is_refused(101.0, named=False)
-    assert delivery.is_due(101.0)
-    delivery.note_sent(101.0)
-    assert not delivery.is_refused(101.1, named=False)
-    assert not delivery.is_due(101.1)
-    assert delivery.is_refused(106.0, named=False)
-
-
 def test_a_refusal_counts_if_it_names_the_message_or_no_attempts_are_left() -> None:
     delivery = Delivery(FleetSettings(sendings=1, resend_after=5.0))
     assert delivery.is_refused(100.0, named=True)

@@ -21,7 +21,6 @@ from nena_plant_formats import files, lif
 from nena_shared.fleet_api.transport_order import Coordinate, Destination
 from nena_shared.plant import MapTransform, PlantModel, Vehicle
 from nena_shared.vda5050.action import ActionState, ActionStatus, BlockingType
-from nena_shared.vda5050.factsheet import OptionalParameter, Support
 from nena_shared.vda5050.order import Corridor, CorridorReferencePoint, Edge, Node, OrientationType
 from nena_shared.vda5050.state import MobileRobotPosition, NodeState
 from support.fleet_examples import factsheet, state
@@ -47,12 +46,7 @@ ANGLE = 1e-4
 
 def listing(*fields: str, version: str = "3.0.0") -> Abilities:
     """Return the abilities of a robot that lists these optional fields."""
-    made = factsheet()
-    listed = tuple(OptionalParameter(parameter=f"order.{each}", support=Support.SUPPORTED) for each in fields)
-    features = made.protocol_features.model_copy(
-        update={"optional_parameters": listed, "mobile_robot_actions": ()}
-    )
-    return Abilities(made.model_copy(update={"protocol_features": features, "version": version}))
+    return Abilities(factsheet(takes=(f"order.{each}" for each in fields), version=version))
 
 
 ALL = (
@@ -457,10 +451,7 @@ def test_robots_without_a_factsheet_are_not_sent_layout_fields() -> None:
 
 
 def test_a_required_length_is_taken_from_the_layout() -> None:
-    made = factsheet()
-    demands = (OptionalParameter(parameter="order.edges.length", support=Support.REQUIRED),)
-    features = made.protocol_features.model_copy(update={"optional_parameters": demands})
-    robot = Abilities(made.model_copy(update={"protocol_features": features}))
+    robot = Abilities(factsheet(demands=("order.edges.length",)))
     assert [each.length for each in fitted_order(sent(FULL, "A C"), robot).edges] == [3.5, 3.0]
 
 

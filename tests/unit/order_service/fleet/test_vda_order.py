@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import pi
+from typing import Any
 
 import pytest
 
@@ -46,7 +47,8 @@ def place(node: Node) -> NodePosition:
 
 def to(goal: str, start: Standing, **more: object) -> VdaOrder:
     route = Router(PLANT).route(start.point, goal)
-    return build_vda_order("m", plant=PLANT, standing=start, profile=PROFILE, route=route, **more)  # type: ignore[arg-type] # passed on
+    content: dict[str, Any] = {"plant": PLANT, "profile": PROFILE, **more}
+    return build_vda_order("m", standing=start, route=route, **content)
 
 
 def speed(edge: DirectedEdge | None) -> float | None:
@@ -110,58 +112,43 @@ def test_a_robot_beside_the_points_starts_where_it_is() -> None:
     assert vda_order.edges[0].edge_id == "start:m --- B"
 
 
-def test_a_robot_beside_its_destination_drives_there() -> None:
-    vda_order = to("B", standing(1.3, 0.3))
-    assert [node.node_id for node in vda_order.nodes] == ["start:m", "B"]
-    assert place(vda_order.nodes[1]).theta == pytest.approx(pi / 4)
-
-
-def test_a_robot_on_the_point_does_not_drive() -> None:
-    vda_order = to("A", standing(0.0, 0.0))
-    assert [node.node_id for node in vda_order.nodes] == ["A"]
-    assert vda_order.edges == ()
-
-
-def test_a_robot_on_the_point_with_the_wrong_heading_turns() -> None:
-    assert [node.node_id for node in to("B", standing(2.0, 0.0, pi)).nodes] == ["start:m", "B"]
-    assert [node.node_id for node in to("B", standing(2.0, 0.0, pi / 4 + 0.1)).nodes] == ["B"]
-
-
-def test_straight_to_a_coordinate() -> None:
+@pytest.mark.parametrize(
+    ("goal", "at", "coordinate", "nodes", "heading"),
+    [
+        pytest.param("B", (1.3, 0.3), None, ["start:m", "B"], pi / 4, id="beside its destination"),
+        pytest.param("A", (0.0, 0.0), None, ["A"], None, id="on the point"),
+        pytest.param("B", (2.0, 0.0, pi), None, ["start:m", "B"], pi / 4, id="with the wrong heading"),
+        pytest.param("B", (2.0, 0.0, pi / 4 + 0.1), None, ["B"], None, id="nearly with its heading"),
+        pytest.param(None, (0.0, 0.0), (3.0, 1.0, 1.0), ["A", "goal:m"], 1.0, id="to a coordinate"),
+        pytest.param(None, (3.0, 1.0), (1.0, 1.0), ["start:m", "goal:m"], None, id="from one to another"),
+        pytest.param("B", (0.0, 0.0), (2.5, 1.0), ["A", "B", "goal:m"], None, id="by a route to one"),
+    ],
+)
+def test_the_nodes_and_the_final_heading(
+    goal: str | None,
+    at: tuple[float, ...],
+    coordinate: tuple[float, ...] | None,
+    nodes: list[str],
+    heading: float | None,
+) -> None:
+    start = standing(*at)
+    there = Coordinate(**dict(zip(("x", "y", "theta"), coordinate, strict=False))) if coordinate else None
+    route = Router(PLANT).route(start.point, goal) if goal else None
     vda_order = build_vda_order(
-        "m",
-        plant=PLANT,
-        standing=standing(0.0, 0.0),
-        profile=PROFILE,
-        coordinate=Coordinate(x=3.0, y=1.0, theta=1.0),
+        "m", plant=PLANT, standing=start, profile=PROFILE, route=route, coordinate=there
     )
-    assert [node.node_id for node in vda_order.nodes] == ["A", "goal:m"]
-    goal = place(vda_order.nodes[1])
-    assert (goal.x, goal.y, goal.theta) == (3.0, 1.0, 1.0)
-
-
-def test_from_one_coordinate_to_the_next_no_point_is_passed() -> None:
-    vda_order = build_vda_order(
-        "m", plant=PLANT, standing=standing(3.0, 1.0), profile=PROFILE, coordinate=Coordinate(x=1.0, y=1.0)
-    )
-    assert [node.node_id for node in vda_order.nodes] == ["start:m", "goal:m"]
-    assert place(vda_order.nodes[1]).theta is None
-
-
-def test_along_a_route_and_then_to_a_coordinate() -> None:
-    vda_order = to("B", standing(0.0, 0.0), coordinate=Coordinate(x=2.5, y=1.0))
-    assert [node.node_id for node in vda_order.nodes] == ["A", "B", "goal:m"]
-    assert place(vda_order.nodes[1]).theta is None
+    assert [node.node_id for node in vda_order.nodes] == nodes
+    end = place(vda_order.nodes[-1])
+    assert end.theta == (heading and pytest.approx(heading))
+    assert [place(node).theta for node in vda_order.nodes[:-1]] == [None] * (len(nodes) - 1)
+    assert coordinate is None or (end.x, end.y) == coordinate[:2]
 
 
 @pytest.mark.clause("6.1.1/first")
 def test_the_start_deviation_is_wide_even_for_precise_robots() -> None:
     exact = RobotProfile(map_id="hall", deviation_xy=0.0)
     start = locate(PLANT, state(mobile_robot_position=pose(0.1, 0.0)), exact)
-    vda_order = build_vda_order(
-        "m", plant=PLANT, standing=start, profile=exact, route=Router(PLANT).route(start.point, "B")
-    )
-    radii = [place(node).allowed_deviation_xy for node in vda_order.nodes]
+    radii = [place(node).allowed_deviation_xy for node in to("B", start, profile=exact).nodes]
     assert [radius and radius.a for radius in radii] == [0.5, 0.0, 0.0]
 
 
@@ -175,9 +162,7 @@ def test_poses_and_lengths_are_those_of_the_map() -> None:
     )
     start = locate(PLANT, state(mobile_robot_position=pose(10.0, 0.0)), profile)
     assert start == Standing("A", on_point=True, pose=pose(10.0, 0.0))
-    route = Router(PLANT).route("A", "B")
-    vda_order = build_vda_order("m", plant=PLANT, standing=start, profile=profile, route=route)
-    end = place(vda_order.nodes[-1])
+    end = place(to("B", start, profile=profile).nodes[-1])
     assert [end.x, end.y, end.theta] == [pytest.approx(10.0), pytest.approx(4.0), pytest.approx(3 * pi / 4)]
     assert end.allowed_deviation_xy is not None
     assert end.allowed_deviation_xy.a == pytest.approx(0.8)
@@ -189,9 +174,7 @@ def test_a_robot_that_transforms_itself_is_sent_the_plants_coordinates() -> None
     turned = {"hall": MapTransform(2.0, pi / 2, offset_x_m=10.0)}
     profile = RobotProfile(map_id="hall", transforms=turned, transforms_itself=True)
     start = locate(PLANT, state(mobile_robot_position=pose(0.0, 0.0)), profile)
-    route = Router(PLANT).route("A", "B")
-    vda_order = build_vda_order("m", plant=PLANT, standing=start, profile=profile, route=route)
-    end = place(vda_order.nodes[-1])
+    end = place(to("B", start, profile=profile).nodes[-1])
     assert (end.x, end.y) == (2.0, 0.0)
 
 
@@ -245,9 +228,6 @@ def test_a_robot_is_on_its_last_node_if_it_is_near() -> None:
     assert standing(0.3, 0.0, last="A").on_point
     assert standing(2.1, 0.0, last="A") == Standing("B", on_point=True, pose=pose(2.1, 0.0))
     assert standing(3.1, 2.0, last="A") == Standing("C", on_point=False, pose=pose(3.1, 2.0))
-
-
-def test_a_robot_without_a_pose_is_at_its_last_node() -> None:
     assert locate(PLANT, state(last_node_id="B"), PROFILE) == Standing("B", on_point=True, pose=None)
 
 

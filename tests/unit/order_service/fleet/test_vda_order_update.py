@@ -18,9 +18,9 @@ from nena_order_service.fleet.outputs import (
 )
 from nena_order_service.fleet.vda_order import BaseChangedError, VdaOrder, released_to, update_of
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
-from nena_shared.vda5050.factsheet import OptionalParameter, Support
 from nena_shared.vda5050.order import Node
 from support.fleet import Bench, make_vda_order, order_of
+from support.fleet_examples import factsheet
 
 pytestmark = pytest.mark.clause("6.1.2/fleet")
 
@@ -50,9 +50,7 @@ def started(count: int = 2, **robot: Any) -> Bench:
     bench = Bench().online()
     for name, value in robot.items():
         setattr(bench.robot, name, value)
-    bench.start(base(count))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(base(count))
     return bench
 
 
@@ -73,11 +71,6 @@ class TestTheCut:
         assert update.nodes[0] == base(2).nodes[1]
         assert [edge.sequence_id for edge in update.edges] == [3, 5, 7]
 
-    def test_the_horizon_may_lead_elsewhere(self) -> None:
-        other = make_vda_order("m1", "A", "B", "X", "Y")
-
-        assert [node.node_id for node in update_of(base(2), other).nodes] == ["B", "X", "Y"]
-
     @pytest.mark.parametrize(
         "plan",
         [
@@ -96,8 +89,7 @@ def test_the_robot_is_sent_the_rest_stepwise() -> None:
     bench = started()
     for count in (3, 5):
         extend(bench, base(count))
-        bench.deliver()
-        bench.report()
+        bench.exchange()
     bench.run()
 
     assert updates(bench) == [
@@ -130,8 +122,7 @@ def test_a_new_base_request_is_reported_once() -> None:
     assert len(bench.told(BaseWanted)) == 1
 
     extend(bench, base(4))
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     bench.robot.step()
     bench.robot.step()
     bench.report()
@@ -144,8 +135,7 @@ def test_only_the_newest_plan_is_sent_after_a_pending_update() -> None:
     for count in (3, 4, 5):
         extend(bench, base(count))
     assert [each[0] for each in updates(bench)] == [0, 1]
-    bench.deliver()
-    bench.report()
+    bench.exchange()
 
     assert updates(bench)[-1] == (2, ["C", "D", "E"], [])
 
@@ -168,8 +158,7 @@ def test_a_lost_update_is_resent_unchanged() -> None:
     bench.wait(1.0, reporting=True)
 
     assert updates(bench)[1:] == [(1, ["B", "C"], ["D", "E"])] * 2
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     extend(bench, WHOLE)
     bench.run()
     assert len(bench.told(VdaOrderFinished)) == 1
@@ -184,8 +173,7 @@ def test_an_update_that_is_never_accepted_ends_the_vda_order() -> None:
         bench.wait(1.0, reporting=True)
         if "cancelOrder" in bench.instants_sent():
             break
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     bench.tick()
 
     (failed,) = bench.told(VdaOrderFailed)
@@ -198,8 +186,7 @@ def test_an_update_that_the_broker_refuses_ends_the_vda_order() -> None:
     bench.lose()
     bench.take(bench.control.on_undeliverable("uagv/v2/ACME/r1/order", bench.now))
     assert bench.instants_sent() == ["cancelOrder"]
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     bench.tick()
 
     (failed,) = bench.told(VdaOrderFailed)
@@ -211,16 +198,14 @@ def test_an_update_that_the_broker_refuses_ends_the_vda_order() -> None:
 def test_an_update_that_the_robot_refuses_ends_the_vda_order(*, named: bool) -> None:
     bench = started(refuses_updates=True, names_refusals=named)
     extend(bench, base(3))
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     if not named:
         bench.report()
         assert bench.instants_sent() == [], "the robot has its time to take up the second sending"
         bench.deliver()
         bench.now += bench.settings.resend_after
         bench.report()
-    bench.deliver()
-    bench.report()
+    bench.exchange()
 
     (failed,) = bench.told(VdaOrderFailed)
     assert str(failed.reason) == "the robot refuses to continue the order"
@@ -239,20 +224,11 @@ def test_a_refusal_of_a_foreign_message_does_not_refuse_the_accepted_update() ->
     assert len(bench.told(VdaOrderFinished)) == sum(bench.ends().values()) == 1
 
 
-def test_a_vda_order_that_has_ended_is_not_extended() -> None:
-    bench = started(5)
-    bench.run()
-    extend(bench, WHOLE)
-
-    assert len(updates(bench)) == 1
-
-
 def test_a_cancel_during_a_pending_update_ends_the_vda_order() -> None:
     bench = started()
     extend(bench, base(3))
     bench.cancel()
-    bench.deliver()
-    bench.report()
+    bench.exchange()
     bench.run(3)
 
     assert len(bench.told(VdaOrderCancelled)) == 1
@@ -268,8 +244,7 @@ def test_after_a_restart_the_rest_is_sent_to_a_robot_that_has_an_older_update(*,
         before.deliver()
     after = Bench(robot=before.robot)
     after.now = 500.0
-    after.fleet.on_broker(connected=True, now=after.now)
-    after.tick()
+    after.set_broker(connected=True)
     after.take(after.control.adopt_order(base(4), after.now, accepted=True, update_id=1))
     after.online()
 
@@ -282,10 +257,7 @@ def test_after_a_restart_the_rest_is_sent_to_a_robot_that_has_an_older_update(*,
 
 def lists_little(bench: Bench) -> Bench:
     """Make the robot support only the position of a node's optional fields."""
-    sheet = bench.robot.factsheet()
-    field = OptionalParameter(parameter="order.nodes.nodePosition", support=Support.REQUIRED)
-    features = sheet.protocol_features.model_copy(update={"optional_parameters": (field,)})
-    little = sheet.model_copy(update={"protocol_features": features})
+    little = factsheet(demands=("order.nodes.nodePosition",), order_interval=0.0)
     bench.take(bench.fleet.on_factsheet(bench.robot.key, little, bench.now))
     return bench
 
@@ -321,8 +293,7 @@ def test_after_a_restart_an_update_has_no_speeds_for_a_robot_without_a_factsheet
     whole = WHOLE.model_copy(update={"edges": limited})
     after = Bench()
     after.robot.take_order(order_of(base(2), after.robot))
-    after.fleet.on_broker(connected=True, now=after.now)
-    after.tick()
+    after.set_broker(connected=True)
     after.take(after.control.adopt_order(base(4, whole), after.now, accepted=True, update_id=1))
     after.report()
 

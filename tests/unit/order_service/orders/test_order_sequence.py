@@ -44,23 +44,11 @@ def test_runs_from_its_first_order_to_its_end() -> None:
     ]
 
 
-def test_an_empty_one_that_is_complete_is_finished() -> None:
-    assert sequence().completed("by a host", NOW).status.finished
-
-
 def test_a_change_without_effect_creates_no_version() -> None:
     made = sequence("A").bound("V-1", NOW).completed("by a host", NOW)
     assert made.bound("V-1", NOW) is made
     assert made.completed("again", NOW) is made
     assert made.advanced({"B"}.__contains__, NOW) is made
-
-
-def test_the_sequence_rules_raise_errors_in_the_code() -> None:
-    made = sequence("A").bound("V-1", NOW)
-    with pytest.raises(SequenceRuleError):
-        made.bound("V-2", NOW)
-    with pytest.raises(SequenceRuleError):
-        made.completed("by a host", NOW).appended("B", NOW)
 
 
 @pytest.mark.parametrize(

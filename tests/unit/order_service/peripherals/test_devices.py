@@ -41,16 +41,6 @@ def test_an_end_without_acknowledgement_counts() -> None:
     assert devices().answer("Door", "J", D.FAILED, 1.0) is Verdict.FAILED
 
 
-def test_an_unacknowledged_job_is_sent_again_and_then_fails() -> None:
-    made = devices()
-    assert made.overdue(4.9) == []
-    assert made.overdue(5.0) == [Overdue("J", "Door")]
-    assert made.overdue(9.9) == []
-    assert made.overdue(10.0) == [
-        Overdue("J", "Door", Reason(ReasonCode.DEVICE_SILENT, location="Door", count=2))
-    ]
-
-
 def test_the_time_of_an_execution_begins_with_its_acknowledgement() -> None:
     made = devices()
     made.answer("Door", "J", D.ACKNOWLEDGED, 4.0)
@@ -77,24 +67,3 @@ def test_times_begin_again_when_devices_can_be_reached_again() -> None:
     made.restart_times(100.0)
     assert made.overdue(104.9) == []
     assert made.overdue(105.0) == [Overdue("J", "Door")]
-
-
-def test_an_unavailable_device_is_not_free() -> None:
-    made = devices()
-    made.end("Door", "J")
-    made.report("Door", PeripheralState.UNAVAILABLE, 1.0)
-    assert not made.is_free("Door")
-    assert not made.report("Door", PeripheralState.IDLE, 2.0)
-    assert made.is_free("Door")
-
-
-def test_the_job_of_an_unavailable_device_has_the_execution_timeout_and_is_sent_again() -> None:
-    made = devices()
-    assert not made.report("Door", PeripheralState.UNAVAILABLE, 4.0)
-    assert made.overdue(63.9) == []
-    (overdue,) = made.overdue(64.0)
-    assert str(overdue.reason) == "peripheral 'Door' has not finished it within 60 s; it reports UNAVAILABLE"
-    assert made.report("Door", PeripheralState.EXECUTING, 63.0)
-    assert not made.report("Door", PeripheralState.IDLE, 63.5)
-    assert made.overdue(67.9) == []
-    assert made.overdue(68.0) == [Overdue("J", "Door")]
