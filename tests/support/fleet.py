@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from itertools import chain, count, pairwise
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from nena_order_service.fleet.controller import FleetController, RobotControl
 from nena_order_service.fleet.outputs import (
@@ -22,7 +22,7 @@ from nena_order_service.fleet.outputs import (
 from nena_order_service.fleet.robot import RobotView
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.vda_order import VdaOrder
-from nena_shared.vda5050.action import Action, BlockingType, InstantActions
+from nena_shared.vda5050.action import Action, ActionParameter, BlockingType, InstantActions
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePosition, Order
 from support.honest_robot import MAP, START, HonestRobot
@@ -60,6 +60,18 @@ def make_vda_order(name: str, *points: str, operation: str | None = None, x: flo
             Edge(edge_id=f"{a}-{b}", sequence_id=2 * index + 1, released=True, actions=())
             for index, (a, b) in enumerate(pairwise(points))
         ),
+    )
+
+
+def make_action(
+    action_type: str, action_id: str = "i1", blocking: BlockingType = BlockingType.NONE, **values: Any
+) -> Action:
+    """Make an action with these parameters."""
+    return Action(
+        action_type=action_type,
+        action_id=action_id,
+        blocking_type=blocking,
+        action_parameters=tuple(ActionParameter(key=key, value=value) for key, value in values.items()),
     )
 
 

@@ -11,16 +11,12 @@ from nena_order_service.fleet.outputs import InstantActionEnded, PublishInstantA
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.fleet_api.reasons import Reason
-from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
+from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import OperatingMode
 from nena_shared.vda5050.topics import RobotKey
-from support.fleet import Bench, make_vda_order
+from support.fleet import Bench, make_action, make_vda_order
 from support.honest_robot import ROBOT, HonestRobot
-
-
-def action(action_type: str, action_id: str) -> Action:
-    return Action(action_type=action_type, action_id=action_id, blocking_type=BlockingType.NONE)
 
 
 def reconnect(bench: Bench, *, unread: bool = False) -> None:
@@ -128,7 +124,7 @@ def test_a_robot_that_never_answers_is_left_alone_in_the_end() -> None:
 def test_a_new_leader_asks_a_robot_and_pauses_it_before_it_has_reported() -> None:
     bench = Bench().online()
     reconnect(bench, unread=True)
-    bench.instruct(action("startPause", "p"))
+    bench.instruct(make_action("startPause", "p"))
     assert bench.instants_sent() == ["stateRequest", "startPause"]
     bench.exchange()
     assert bench.robot.paused
@@ -146,7 +142,7 @@ def test_a_new_leader_says_why_the_states_of_a_robot_are_unreadable() -> None:
 
 def test_a_robot_that_was_never_heard_can_be_paused() -> None:
     bench = expecting(ROBOT)
-    bench.instruct(action("startPause", "p"))
+    bench.instruct(make_action("startPause", "p"))
     bench.deliver()
     assert bench.robot.paused
 

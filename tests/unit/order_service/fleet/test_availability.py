@@ -10,11 +10,11 @@ from nena_order_service.fleet.availability import significant_fields, vehicle_st
 from nena_order_service.fleet.outputs import RobotChanged
 from nena_order_service.fleet.robot import POSITION_WITHIN, LinkStatus, VdaOrderPhase
 from nena_shared.fleet_api.vehicle import VehicleState
-from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
+from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.state import OperatingMode
-from support.fleet import Bench, make_vda_order
+from support.fleet import Bench, make_action, make_vda_order
 from support.fleet_examples import position, power, state
 from support.honest_robot import HonestRobot
 
@@ -141,7 +141,7 @@ def test_a_paused_robot_is_still_sent_its_vda_order() -> None:
 @pytest.mark.clause("6.6.8")
 def test_a_running_instant_action_does_not_keep_a_robot_from_orders() -> None:
     bench = Bench().online()
-    action = Action(action_type="startCharging", action_id="c", blocking_type=BlockingType.NONE)
+    action = make_action("startCharging", "c")
     bench.instruct(action)
     bench.robot.instants["c"] = (action, ActionStatus.RUNNING)
     assert reason(bench) is None

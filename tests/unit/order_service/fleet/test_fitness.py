@@ -15,7 +15,7 @@ from nena_order_service.fleet.outputs import (
     VdaOrderFinished,
 )
 from nena_order_service.fleet.robot import Abilities
-from nena_shared.vda5050.action import Action, ActionParameter, ActionStatus, BlockingType
+from nena_shared.vda5050.action import ActionParameter, ActionStatus, BlockingType
 from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,
     ActionScope,
@@ -23,7 +23,7 @@ from nena_shared.vda5050.factsheet import (
     MobileRobotAction,
     ValueDataType,
 )
-from support.fleet import Bench, make_vda_order
+from support.fleet import Bench, make_action, make_vda_order
 from support.fleet_examples import factsheet as example
 
 pytestmark = pytest.mark.clause("7.10")
@@ -122,12 +122,7 @@ def test_parameters_are_those_that_the_robot_lists(key: str, value: object, prob
 
 
 def test_a_load_id_is_limited_to_the_robots_maximum_length() -> None:
-    pick = Action(
-        action_type="pick",
-        action_id="i",
-        blocking_type=BlockingType.NONE,
-        action_parameters=(ActionParameter(key="loadId", value="pallet"),),
-    )
+    pick = make_action("pick", loadId="pallet")
 
     assert instant_action_problem(pick, Abilities(sheet(strings={"maximum_load_id_length": 6}))) is None
     problem = instant_action_problem(pick, Abilities(sheet(strings={"maximum_load_id_length": 5})))
@@ -141,12 +136,7 @@ def test_content_outside_the_robots_version_is_a_problem() -> None:
 
 
 def test_instant_actions_are_checked_too() -> None:
-    pick = Action(
-        action_type="pick",
-        action_id="i" * 9,
-        blocking_type=BlockingType.NONE,
-        action_parameters=(ActionParameter(key="height", value=1.0),),
-    )
+    pick = make_action("pick", "i" * 9, height=1.0)
     everywhere = changed(action_scopes=(ActionScope.NODE, ActionScope.INSTANT))
 
     assert instant_action_problem(pick, Abilities(sheet(everywhere))) is None
@@ -179,7 +169,7 @@ def test_an_infeasible_instant_action_is_never_sent() -> None:
     bench = Bench().online()
     bench.take(bench.fleet.on_factsheet(bench.robot.key, sheet(PICK), bench.now))
 
-    bench.instruct(Action(action_type="startPause", action_id="i", blocking_type=BlockingType.NONE))
+    bench.instruct(make_action("startPause"))
 
     assert bench.instants_sent() == []
     (ended,) = bench.told(InstantActionEnded)
@@ -194,7 +184,7 @@ def test_instant_actions_per_message_respect_the_factsheet_limit() -> None:
     bench.take(bench.fleet.on_factsheet(bench.robot.key, sheet(arrays={"instantActions": 2}), bench.now))
     bench.lose()
     for action_id in ("a", "b", "c"):
-        bench.instruct(Action(action_type="startPause", action_id=action_id, blocking_type=BlockingType.NONE))
+        bench.instruct(make_action("startPause", action_id))
     bench.sent.clear()
 
     bench.wait(1)

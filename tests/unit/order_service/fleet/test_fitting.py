@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import pi
-from typing import Any
 
 import hypothesis.strategies as st
 import pytest
@@ -12,7 +11,6 @@ from hypothesis import given
 from nena_order_service.fleet.feasibility import fitted_action, fitted_order, order_problem
 from nena_order_service.fleet.robot import Abilities
 from nena_order_service.fleet.vda_order import VdaOrder
-from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,
     ActionScope,
@@ -20,7 +18,7 @@ from nena_shared.vda5050.factsheet import (
     ValueDataType,
 )
 from nena_shared.vda5050.order import NodePosition
-from support.fleet import make_vda_order
+from support.fleet import make_action, make_vda_order
 from support.fleet_examples import factsheet as example
 
 pytestmark = pytest.mark.clause("7.10", "7.1.1")
@@ -48,15 +46,6 @@ def pick(**kinds: ValueDataType) -> MobileRobotAction:
         ),
         pause_allowed=False,
         cancel_allowed=False,
-    )
-
-
-def ordered_pick(**values: Any) -> Action:
-    return Action(
-        action_type="pick",
-        action_id="p",
-        blocking_type=BlockingType.HARD,
-        action_parameters=tuple(ActionParameter(key=key, value=value) for key, value in values.items()),
     )
 
 
@@ -204,15 +193,19 @@ def test_an_unknown_required_speed_is_a_problem() -> None:
         (ValueDataType.ARRAY, "[1,", "[1,"),
         (ValueDataType.ARRAY, "[" * 100_000, "[" * 100_000),
         (ValueDataType.ARRAY, "1", "1"),
+        (ValueDataType.STRING, 3, "3"),
+        (ValueDataType.STRING, 1.5, "1.5"),
+        (ValueDataType.STRING, True, "true"),
     ],
 )
-def test_text_becomes_the_declared_type(kind: ValueDataType, text: str, value: object) -> None:
+def test_text_becomes_the_declared_type(kind: ValueDataType, text: float | str, value: object) -> None:
     robot = abilities(pick(height=kind))
-    assert fitted_action(ordered_pick(height=text), robot).parameter("height") == value
+    fitted = fitted_action(make_action("pick", height=text), robot).parameter("height")
+    assert (type(fitted), fitted) == (type(value), value)
 
 
 def test_added_parameters_are_sent_only_to_robots_that_list_them() -> None:
-    action = ordered_pick(stationType="x", loadType="x", height="x")
+    action = make_action("pick", stationType="x", loadType="x", height="x")
 
     def keys(robot: Abilities) -> list[str]:
         return [each.key for each in fitted_action(action, robot).action_parameters]
@@ -260,14 +253,6 @@ def test_fitting_twice_changes_nothing_and_requested_headings_stay(
         assert positions(made)[1].theta == positions(asked)[1].theta
 
 
-@pytest.mark.parametrize(("given", "text"), [(3, "3"), (1.5, "1.5"), (True, "true"), ("x", "x")])
-def test_a_number_becomes_text_if_the_robot_declares_a_string(given: float | str, text: str) -> None:
-    robot = abilities(pick(height=ValueDataType.STRING))
-    value = fitted_action(ordered_pick(height=given), robot).parameter("height")
-    assert value == text
-    assert isinstance(value, str)
-
-
 @pytest.mark.clause("6.2.3/pick")
 @pytest.mark.parametrize("given", ["lhd", "loadHandlingDevice"])
 @pytest.mark.parametrize(
@@ -285,5 +270,5 @@ def test_the_load_handling_device_has_the_listed_key_or_that_of_the_version(
 ) -> None:
     kinds = {listed: ValueDataType.STRING} if listed else {}
     robot = abilities(pick(**kinds), version=version)
-    (parameter,) = fitted_action(ordered_pick(**{given: "fork"}), robot).action_parameters
+    (parameter,) = fitted_action(make_action("pick", **{given: "fork"}), robot).action_parameters
     assert (parameter.key, parameter.value) == (sent, "fork")

@@ -10,17 +10,14 @@ from nena_order_service.fleet.instant_actions import CLEARING_PAUSE, LEAVING_WIT
 from nena_order_service.fleet.outputs import InstantActionEnded, PublishInstantActions
 from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, Robot
 from nena_order_service.fleet.settings import FleetSettings
-from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
+from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.factsheet import ActionScope, MobileRobotAction
 from nena_shared.vda5050.state import OperatingMode
 from support.fleet import Bench, make_vda_order
+from support.fleet import make_action as action
 from support.fleet_examples import factsheet
 from support.honest_robot import HonestRobot
-
-
-def action(action_type: str, action_id: str = "i1") -> Action:
-    return Action(action_type=action_type, action_id=action_id, blocking_type=BlockingType.NONE)
 
 
 def ended(bench: Bench) -> InstantActionEnded:

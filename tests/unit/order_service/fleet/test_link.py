@@ -21,7 +21,7 @@ from nena_shared.mqtt import Handler, Inbound, MqttLink, Outbound
 from nena_shared.plant import Vehicle
 from nena_shared.plant.fleet_checks import KEY_LENGTH
 from nena_shared.settings import ConfigurationError, MqttSettings
-from nena_shared.vda5050.action import Action, ActionParameter, BlockingType, InstantActions
+from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.order import NodePosition, Order
@@ -30,7 +30,7 @@ from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import codec_for
 from support.clocks import ManualClock
-from support.fleet import make_vda_order
+from support.fleet import make_action, make_vda_order
 from support.fleet_examples import factsheet
 from support.honest_robot import HonestRobot
 from support.waiting import until
@@ -160,12 +160,7 @@ def test_a_vehicle_without_such_properties_keeps_to_the_standard() -> None:
 def test_parameters_are_sent_as_text_if_configured() -> None:
     dialect = addresses(parametersAsText="true").dialect_of(ROBOT)
     values: dict[str, Any] = {"height": 1.5, "slowly": True, "slots": [1, 2], "station": "7"}
-    action = Action(
-        action_type="pick",
-        action_id="p",
-        blocking_type=BlockingType.HARD,
-        action_parameters=tuple(ActionParameter(key=key, value=value) for key, value in values.items()),
-    )
+    action = make_action("pick", **values)
     mission = make_vda_order("m", "A", "B")
     node = mission.nodes[1].model_copy(update={"actions": (action,)})
     header = dict(HELLO) | {"header_id": 1}

@@ -18,6 +18,7 @@ from nena_order_service.fleet.outputs import (
 )
 from nena_order_service.fleet.robot import VdaOrderPhase
 from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType, error
@@ -43,6 +44,13 @@ def driving() -> Bench:
     """Return a bench whose robot has accepted an order from A to B."""
     bench = Bench().online()
     bench.start_and_tell(make_vda_order("m", "A", "B"))
+    return bench
+
+
+def adopting(robot: HonestRobot | None, vda_order: VdaOrder, *, accepted: bool) -> Bench:
+    """Return the bench of an order service that restarted, before it has heard anything."""
+    bench = Bench(robot=robot)
+    bench.take(bench.control.adopt_order(vda_order, bench.now, accepted=accepted))
     return bench
 
 
@@ -509,8 +517,7 @@ def test_an_adopted_running_vda_order_continues(accepted: bool) -> None:  # noqa
     bench.online()
     bench.deliver()
     bench.robot.step()
-    again = Bench(robot=bench.robot)
-    again.take(again.control.adopt_order(vda_order, again.now, accepted=accepted))
+    again = adopting(bench.robot, vda_order, accepted=accepted)
     again.online()
     assert again.orders_sent() == []
     assert [each.node_id for each in again.told(NodePassed)] == ["A", "B"]
@@ -524,15 +531,13 @@ def test_an_adopted_vda_order_that_is_done_is_finished() -> None:
     vda_order = make_vda_order("m", "A", "B")
     bench.start(vda_order)
     bench.run()
-    again = Bench(robot=bench.robot)
-    again.take(again.control.adopt_order(vda_order, again.now, accepted=True))
+    again = adopting(bench.robot, vda_order, accepted=True)
     again.online()
     assert again.story() == ["VdaOrderAccepted", "NodePassed", "NodePassed", "VdaOrderFinished"]
 
 
 def test_an_adopted_vda_order_that_never_arrived_is_sent() -> None:
-    bench = Bench()
-    bench.take(bench.control.adopt_order(make_vda_order("m", "A", "B"), bench.now, accepted=False))
+    bench = adopting(None, make_vda_order("m", "A", "B"), accepted=False)
     bench.wait(5)
     assert bench.sent == [], "nothing is known of the robot yet"
     bench.online()
@@ -544,8 +549,7 @@ def test_an_adopted_vda_order_that_never_arrived_is_sent() -> None:
 
 @pytest.mark.clause("6.6/restart")
 def test_an_adopted_vda_order_that_the_robot_has_lost_fails() -> None:
-    bench = Bench()
-    bench.take(bench.control.adopt_order(make_vda_order("m", "A", "B"), bench.now, accepted=True))
+    bench = adopting(None, make_vda_order("m", "A", "B"), accepted=True)
     bench.online()
     assert "no longer has the order" in str(failure(bench).reason)
     assert bench.sent == []
@@ -556,8 +560,7 @@ def test_an_adopted_vda_order_can_be_cancelled_before_anything_is_known() -> Non
     vda_order = make_vda_order("m", "A", "B", "C")
     first.start(vda_order)
     first.deliver()
-    bench = Bench(robot=first.robot)
-    bench.take(bench.control.adopt_order(vda_order, bench.now, accepted=False))
+    bench = adopting(first.robot, vda_order, accepted=False)
     bench.cancel()
     assert bench.ends() == {}
     bench.online()
@@ -567,8 +570,7 @@ def test_an_adopted_vda_order_can_be_cancelled_before_anything_is_known() -> Non
 
 
 def test_an_old_vda_order_that_may_still_arrive_is_cancelled() -> None:
-    bench = Bench()
-    bench.take(bench.control.adopt_order(make_vda_order("m", "A", "B"), bench.now, accepted=False))
+    bench = adopting(None, make_vda_order("m", "A", "B"), accepted=False)
     bench.cancel()
     bench.online()
     assert bench.ends() == {}  # the robot knows nothing of it yet, but the broker may have it

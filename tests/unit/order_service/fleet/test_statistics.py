@@ -12,8 +12,8 @@ from nena_order_service.fleet.outputs import (
 from nena_order_service.fleet.statistics import ACTIONS_REMEMBERED, FleetStatistics
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.fleet_api.reasons import Reason
-from nena_shared.vda5050.action import Action, BlockingType
 from nena_shared.vda5050.topics import RobotKey, Topic
+from support.fleet import make_action
 
 ROBOT = RobotKey("ACME", "r1")
 
@@ -23,8 +23,7 @@ def order(name: str, update_id: int = 0) -> PublishOrder:
 
 
 def actions(*ids: str) -> PublishInstantActions:
-    made = (Action(action_id=each, action_type="x", blocking_type=BlockingType.NONE) for each in ids)
-    return PublishInstantActions(ROBOT, tuple(made))
+    return PublishInstantActions(ROBOT, tuple(make_action("x", each) for each in ids))
 
 
 def test_durations_of_a_vda_orders_steps_are_measured() -> None:
