@@ -12,7 +12,7 @@ from nena_order_service.fleet.failures import RobotBusyError
 from nena_order_service.fleet.outputs import PublishOrder, RobotChanged, VdaOrderFinished
 from nena_order_service.fleet.robot import LinkStatus, VdaOrderPhase
 from nena_order_service.fleet.settings import FleetSettings
-from nena_order_service.fleet.vda_order import VdaOrder, released_to
+from nena_order_service.fleet.vda_order import released_to
 from nena_shared.fleet_api.reasons import Reason
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import NodeState, State
@@ -45,14 +45,6 @@ def test_viewing_a_robot_does_not_register_it() -> None:
     assert bench.fleet.has_room_for(ROBOT)
 
 
-def test_messages_that_cannot_be_read_are_counted_by_robot() -> None:
-    bench = Bench().online()
-    for robot in (ROBOT, ROBOT, other_robot(1)):
-        tuple(bench.fleet.control(robot).on_malformed(None, bench.now))
-    assert bench.fleet.view(other_robot(1), bench.now).malformed == 1
-    assert bench.view().malformed == 2
-
-
 def test_a_robot_whose_states_cannot_be_read_is_not_silent() -> None:
     bench = Bench().online()
     problem = Reason.of("sends states that are unreadable: orderId: is missing")
@@ -70,6 +62,7 @@ def test_a_robot_with_only_unreadable_messages_is_known() -> None:
     problem = Reason.of("sends states that are unreadable: message: Invalid JSON (received 'x')")
     tuple(bench.control.on_malformed(problem, bench.now))
     assert bench.view().availability.reason == problem
+    assert (bench.view().malformed, bench.fleet.view(other_robot(1), bench.now).malformed) == (1, 0)
     bench.online()
     assert bench.view().link is LinkStatus.ONLINE
     assert "cannot be read" not in str(bench.view().availability.reason)
@@ -266,15 +259,14 @@ def test_the_next_vda_order_is_sent_as_soon_as_the_first_is_done() -> None:
     assert bench.robot.accepted == ["m", "n"]
 
 
-def long_way() -> VdaOrder:
-    return make_vda_order("m", "A", "B", "C", operation="pick")
+LONG_WAY = make_vda_order("m", "A", "B", "C", operation="pick")
 
 
 def extending(settings: FleetSettings | None = None) -> Bench:
     """Return a robot that drives to B, is to continue to C, and has not received that update."""
     bench = Bench(settings).online()
-    bench.start_and_tell(released_to(long_way(), 2))
-    bench.take(bench.control.extend_order(long_way(), bench.now))
+    bench.start_and_tell(released_to(LONG_WAY, 2))
+    bench.take(bench.control.extend_order(LONG_WAY, bench.now))
     bench.lose()
     return bench
 
@@ -315,10 +307,10 @@ def test_an_update_does_not_fail_while_the_robot_is_unreachable(
 def test_orders_and_updates_respect_the_factsheets_minimum_interval(*, is_update: bool) -> None:
     bench = Bench(FleetSettings(resend_after=0.25)).online()
     bench.take(bench.fleet.on_factsheet(ROBOT, factsheet(order_interval=3.0), bench.now))
-    bench.start(released_to(long_way(), 2))
+    bench.start(released_to(LONG_WAY, 2))
     if is_update:
         bench.exchange()
-        bench.take(bench.control.extend_order(long_way(), bench.now))
+        bench.take(bench.control.extend_order(LONG_WAY, bench.now))
     bench.wait(2.75)
     assert bench.orders_sent() == ["m"]
     bench.wait(0.25)
@@ -328,13 +320,13 @@ def test_orders_and_updates_respect_the_factsheets_minimum_interval(*, is_update
 def test_without_a_vda_order_there_is_nothing_to_cancel_or_to_extend() -> None:
     bench = Bench().online()
     assert bench.cancel() == ()
-    assert bench.take(bench.control.extend_order(long_way(), bench.now)) == ()
+    assert bench.take(bench.control.extend_order(LONG_WAY, bench.now)) == ()
     assert bench.sent == []
 
 
 def test_an_extension_of_another_vda_order_is_ignored() -> None:
     bench = Bench().online()
-    bench.start_and_tell(released_to(long_way(), 2))
+    bench.start_and_tell(released_to(LONG_WAY, 2))
     bench.take(bench.control.extend_order(make_vda_order("n", "A", "B", "C"), bench.now))
     bench.wait(5)
     assert bench.orders_sent() == ["m"]

@@ -157,7 +157,7 @@ def test_which_messages_are_new(
 ) -> None:
     order = MessageOrder()
     assert order.is_new(first[0], at(first[1]), 0.0)
-    assert [order.is_new(number, at(seconds), 0.0) for number, seconds in later] == new
+    assert [order.is_new(number, at(seconds), 9.0) for number, seconds in later] == new
 
 
 @pytest.mark.clause("7.2/headerId")

@@ -118,6 +118,13 @@ def node_of(vda_order: VdaOrder, name: str) -> Node:
     return next(each for each in vda_order.nodes if each.node_id == name)
 
 
+def deviation(node: Node) -> tuple[float, ...]:
+    assert node.node_position
+    ellipse = node.node_position.allowed_deviation_xy
+    assert ellipse
+    return ellipse.a, ellipse.b, ellipse.theta
+
+
 def example(name: str) -> PlantModel:
     (file,) = reference_dir("lif-2.0").glob(f"{name}-*.lif.json")
     return files.read(file.read_bytes()).model
@@ -316,21 +323,12 @@ def test_a_point_that_forbids_the_action_is_not_a_destination() -> None:
     ],
 )
 def test_the_deviation_respects_its_bounds(bounds: dict[str, float], ellipse: tuple[float, ...]) -> None:
-    made = sent(row(at={"allowedDeviationXY": bounds}), "A C")
-    position = node_of(made, "B").node_position
-    assert position
-    assert position.allowed_deviation_xy
-    deviation = position.allowed_deviation_xy
-    assert (deviation.a, deviation.b, deviation.theta) == ellipse
+    assert deviation(node_of(sent(row(at={"allowedDeviationXY": bounds}), "A C"), "B")) == ellipse
 
 
 def test_the_start_keeps_a_deviation_that_the_robot_is_within() -> None:
-    position = (
-        sent(row(at={"allowedDeviationXY": {"aMaximum": 0.1, "bMaximum": 0.1}}), "B C").nodes[0].node_position
-    )
-    assert position
-    assert position.allowed_deviation_xy
-    assert position.allowed_deviation_xy.a == 0.5
+    narrow = row(at={"allowedDeviationXY": {"aMaximum": 0.1, "bMaximum": 0.1}})
+    assert deviation(sent(narrow, "B C").nodes[0])[0] == 0.5
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
@@ -80,19 +79,6 @@ def test_a_complete_or_full_sequence_takes_no_orders(monkeypatch: pytest.MonkeyP
     assert "already has 1 orders" in next(sequence("A").refusals(request("A")))
 
 
-@given(st.lists(st.sampled_from(["A", "B", "C"]), max_size=6))
-def test_the_index_never_goes_back_and_leaves_no_gap(ends: list[str]) -> None:
-    made, ended, before = sequence("A", "B", "C"), set[str](), -1
-    for name in ends:
-        ended.add(name)
-        made = made.advanced(ended.__contains__, NOW)
-        index = made.status.finished_index
-        assert index >= before
-        assert set(made.status.orders[: index + 1]) <= ended
-        assert made.next_order is None or made.next_order not in ended
-        before = index
-
-
 class SequenceLife(RuleBasedStateMachine):
     """Whatever comes, in whatever order: one vehicle, no way back, finished exactly when all is done."""
 
@@ -144,6 +130,8 @@ class SequenceLife(RuleBasedStateMachine):
     @invariant()
     def finished_exactly_when_all_is_done(self) -> None:
         status = self.made.status
+        assert set(status.orders[: status.finished_index + 1]) <= self.ended
+        assert self.made.next_order not in self.ended
         assert status.finished == (status.complete and self.ended >= set(status.orders))
         assert (status.finished_time is not None) == status.finished
         assert codes(self.made).count(SequenceEvent.SEQUENCE_FINISHED) == status.finished

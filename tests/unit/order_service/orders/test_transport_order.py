@@ -113,6 +113,7 @@ def test_failure_keeps_what_was_done_and_says_why() -> None:
 
 
 def test_a_withdrawn_order_waits_for_its_vehicle_and_says_why() -> None:
+    assert dispatchable_order().withdrawn("not needed", NOW).state is S.FAILED, "no vehicle has it"
     order = assigned_order("A", "B").withdrawn("not needed", NOW)
     waits = "not needed; waiting for vehicle V-1 to release it"
     assert (order.state, order.status.reason) == (S.WITHDRAWN, waits)
@@ -128,10 +129,6 @@ def test_consecutive_deferrals_are_one_history_entry() -> None:
     order = order.deferred(Reason.of("all are offline"), NOW)
     assert codes(order) == [EventCode.ORDER_CREATED, EventCode.DISPATCHING_DEFERRED]
     assert order.status.history[-1].supplements == ("all are offline",)
-
-
-def test_withdrawing_a_waiting_order_ends_it_at_once() -> None:
-    assert dispatchable_order().withdrawn("not needed", NOW).state is S.FAILED
 
 
 def test_a_vehicles_wait_reason_is_published_once_while_it_applies() -> None:

@@ -13,12 +13,17 @@ from nena_order_service.orders.validation import (
 )
 from nena_plant_formats.opentcs_xml import read
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
-from nena_shared.plant import PlantModel
+from nena_shared.plant import Location, PlantModel
 from support.order_service import dispatchable_order, request
 from support.plants import plant
 
 PLANT = read(sample_plant_path().read_bytes()).model
 VEHICLES = ("Robot-01", "Robot-02")
+
+
+def with_locations(*locations: Location) -> PlantModel:
+    types = PLANT.location_types
+    return PlantModel(name="changed", points=PLANT.points, location_types=types, locations=locations)
 
 
 def findings(wanted: TransportOrderRequest) -> tuple[list[str], bool]:
@@ -78,9 +83,7 @@ def test_locked_and_unlinked_locations_are_refused() -> None:
         storage.model_copy(update={"locked": True}),
         packing.model_copy(update={"links": ()}),
     )
-    changed = PlantModel(
-        name="changed", points=PLANT.points, location_types=PLANT.location_types, locations=(locked, unlinked)
-    )
+    changed = with_locations(locked, unlinked)
     with pytest.raises(InvalidRequestError) as caught:
         check_request(request("Storage:NOP", "Packing:NOP"), changed, ())
     assert [str(finding.text).split(": ")[1].split(";")[0] for finding in caught.value.findings] == [
@@ -92,13 +95,7 @@ def test_locked_and_unlinked_locations_are_refused() -> None:
 def test_stored_order_keeps_a_destination_that_is_locked_later() -> None:
     locked = PLANT.location("Storage").model_copy(update={"locked": True})
     others = tuple(each for each in PLANT.locations if each.name != "Storage")
-    changed = PlantModel(
-        name="changed",
-        points=PLANT.points,
-        location_types=PLANT.location_types,
-        locations=(locked, *others),
-    )
-    check_order(dispatchable_order("Storage:NOP").status, changed)
+    check_order(dispatchable_order("Storage:NOP").status, with_locations(locked, *others))
 
 
 def test_stored_order_is_checked_against_a_changed_plant() -> None:
