@@ -127,6 +127,7 @@ class FleetGuard:
 
         Orders must not be accepted earlier, because this order service may still have to exit.
         """
+        # In steps: a refused connection or a lost lease sets none of these events.
         for step, seconds in ((self._asked, CONNECTED_WITHIN), (self.won, DECIDED_WITHIN)):
             with suppress(TimeoutError):
                 async with asyncio.timeout(seconds):

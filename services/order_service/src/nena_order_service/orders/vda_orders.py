@@ -131,7 +131,7 @@ class OrderPlanner:
                 place = next((texts[key] for key in LOAD_HANDLING_DEVICE if key in texts), "")
                 return Pick(texts.get("loadType", ""), place)
             if action_type == DROP:
-                return None
+                return None  # what it drops frees a place, so a later pick does not tell the room needed
         return None
 
     def locked_out(self, order: TransportOrder, vehicle: FleetVehicle, standing: Standing) -> Reason | None:
