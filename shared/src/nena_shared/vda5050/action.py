@@ -86,16 +86,16 @@ class Action(WireObject):
 
     def parameter(self, key: str) -> JsonValue:
         """Return the value of the parameter ``key``, or None (section 7.3.1)."""
-        return next((each.value for each in self.action_parameters if each.key == key), None)
+        return next((parameter.value for parameter in self.action_parameters if parameter.key == key), None)
 
     def with_values(self, change: Callable[[ActionParameter], JsonValue]) -> Action:
         """Return a copy with the parameter values from ``change``; ``self`` if none differs."""
         values = tuple(map(change, self.action_parameters))
-        if all(new is each.value for new, each in zip(values, self.action_parameters, strict=True)):
+        if all(new is old.value for new, old in zip(values, self.action_parameters, strict=True)):
             return self
         parameters = tuple(
-            each.model_copy(update={"value": new})
-            for new, each in zip(values, self.action_parameters, strict=True)
+            old.model_copy(update={"value": new})
+            for new, old in zip(values, self.action_parameters, strict=True)
         )
         return self.model_copy(update={"action_parameters": parameters})
 

@@ -88,11 +88,14 @@ class Codec:
                 kind.__name__, problems_of(error), payload, received=received
             ) from error
         if _UNIX_TIME.search(payload):
-            given = from_json(payload).get("timestamp", "")
-            if given.strip().replace(".", "").isdigit():
+            timestamp = from_json(payload).get("timestamp", "")
+            if timestamp.strip().replace(".", "").isdigit():
                 problem = "timestamp: is a Unix time, not ISO 8601"
-                raise MalformedMessageError(kind.__name__, [problem], payload, received=quoted(given))
-        if problems := self._rule_problems(message):
+                raise MalformedMessageError(kind.__name__, [problem], payload, received=quoted(timestamp))
+        problems = list(violations(message)) if isinstance(message, Order) else []
+        if message.version.split(".", 1)[0] != self.version.split(".", 1)[0]:
+            problems.append(f"version: {message.version} is not of the same major version as {self.version}")
+        if problems:
             raise MalformedMessageError(kind.__name__, problems, payload)
         return message
 
@@ -110,12 +113,14 @@ class Codec:
         if isinstance(message, Order) and (problems := violations(message)):
             raise MalformedMessageError(Order.__name__, problems)
         form = self.forms[self._kind_of(message)]
+        # the header's version is that of the format, whatever the sender of the neutral message had (7.2)
         if message.version != self.version:
             message = message.model_copy(update={"version": self.version})
         return form.from_neutral(message)
 
     def written(self, wire: Header) -> bytes:
         """Encode a message of this version's form."""
+        # model_dump_json makes text first, to be encoded again
         return type(wire).__pydantic_serializer__.to_json(wire, by_alias=True, exclude_none=True)
 
     def _kind_of(self, message: Header) -> type[Header]:
@@ -123,9 +128,3 @@ class Codec:
             if isinstance(message, kind):
                 return kind
         raise MalformedMessageError(type(message).__name__, [f"{self.version} has no such message"])
-
-    def _rule_problems(self, message: Header) -> list[str]:
-        problems = list(violations(message)) if isinstance(message, Order) else []
-        if message.version.split(".", 1)[0] != self.version.split(".", 1)[0]:
-            problems.append(f"version: {message.version} is not of the same major version as {self.version}")
-        return problems

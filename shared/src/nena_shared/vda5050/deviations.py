@@ -41,10 +41,19 @@ class Deviations:
         """Count the repairs of one message; return whether one of them is new for this robot."""
         for repair in repairs:
             label = (f"{topic}.{repair.field}", repair.kind.value)
-            known = label in self._totals or len(self._totals) < LABELS_LIMIT
-            self._totals[label if known else (OTHER, repair.kind.value)] += 1
+            counted = label in self._totals or len(self._totals) < LABELS_LIMIT
+            self._totals[label if counted else (OTHER, repair.kind.value)] += 1
         new = self._keep_new(robot, topic, repairs)
-        self._log_repairs(robot, topic, repairs)
+        at, last = self._clock.monotonic(), self._logged_at.get(robot)
+        # a robot that deviates does so in every state, several times a second
+        if robot in self._robots and (last is None or at - last >= LOGGED_EACH):
+            self._logged_at[robot] = at
+            log.warning(
+                "robot deviates from VDA 5050; its message was repaired",
+                robot=str(robot),
+                topic=topic,
+                repairs=[str(repair) for repair in repairs],
+            )
         return new
 
     def note_message(self, topic: str, repairs: tuple[Repair, ...]) -> None:
@@ -54,8 +63,7 @@ class Deviations:
 
     def of(self, robot: RobotKey) -> tuple[Repair, ...]:
         """Return a robot's repairs: each field and kind once, with the first received value."""
-        known = self._robots.get(robot)
-        return tuple(known.values()) if known else ()
+        return tuple(self._robots.get(robot, {}).values())
 
     @property
     def totals(self) -> Mapping[tuple[str, str], int]:
@@ -68,21 +76,9 @@ class Deviations:
             if len(self._robots) >= ROBOTS_LIMIT:
                 return False
             kept = self._robots[robot] = {}
-        before = len(kept)
+        previously = len(kept)
         for repair in repairs:
             field = f"{topic}.{repair.field}"
             if len(kept) < FIELDS_LIMIT:
                 kept.setdefault((field, repair.kind), repair._replace(field=field))
-        return len(kept) > before
-
-    def _log_repairs(self, robot: RobotKey, topic: str, repairs: tuple[Repair, ...]) -> None:
-        now, last = self._clock.monotonic(), self._logged_at.get(robot)
-        if robot not in self._robots or (last is not None and now - last < LOGGED_EACH):
-            return
-        self._logged_at[robot] = now
-        log.warning(
-            "robot deviates from VDA 5050; its message was repaired",
-            robot=str(robot),
-            topic=topic,
-            repairs=[str(repair) for repair in repairs],
-        )
+        return len(kept) > previously

@@ -10,20 +10,13 @@ from nena_shared.vda5050.order import Order
 
 def violations(order: Order) -> tuple[str, ...]:
     """Return a sentence for each rule that ``order`` violates; empty for a valid graph (section 6.1.1)."""
-    return tuple(_violations_of(order))
-
-
-def _violations_of(order: Order) -> Iterator[str]:
-    nodes, edges = order.nodes, order.edges
+    nodes, edges = len(order.nodes), len(order.edges)
     if not nodes:
-        yield "an order has at least one node"
-        return
-    if len(edges) != len(nodes) - 1:
-        yield f"{len(nodes)} nodes require {len(nodes) - 1} edges, but the order has {len(edges)}"
-        return
-    yield from _sequence_violations(order)
-    yield from _release_violations(order)
-    yield from _action_violations(order)
+        return ("an order has at least one node",)
+    if edges != nodes - 1:
+        # which edge joins which nodes is then unknown, so the other rules say nothing
+        return (f"{nodes} nodes require {nodes - 1} edges, but the order has {edges}",)
+    return (*_sequence_violations(order), *_release_violations(order), *_action_violations(order))
 
 
 def _sequence_violations(order: Order) -> Iterator[str]:
@@ -41,11 +34,11 @@ def _sequence_violations(order: Order) -> Iterator[str]:
 def _release_violations(order: Order) -> Iterator[str]:
     if not order.nodes[0].released:
         yield f"the first node {order.nodes[0].node_id!r} is not released"
-    for (before, after), edge in zip(pairwise(order.nodes), order.edges, strict=True):
-        if edge.released and not (before.released and after.released):
+    for (start, end), edge in zip(pairwise(order.nodes), order.edges, strict=True):
+        if edge.released and not (start.released and end.released):
             yield f"edge {edge.edge_id!r} is released, but not both of its nodes are"
-        if after.released and not edge.released:
-            yield f"node {after.node_id!r} is released beyond the end of the base"
+        if end.released and not edge.released:
+            yield f"node {end.node_id!r} is released beyond the end of the base"
 
 
 def _action_violations(order: Order) -> Iterator[str]:

@@ -83,8 +83,8 @@ def problems_of(error: ValidationError, most: int | None = None) -> list[str]:
     """
     if error.error_count() > TOO_MANY:
         return [f"message: {error.error_count()} invalid values"]
-    found = error.errors(include_url=False, include_context=False, include_input=False)
-    return in_words(found, whole="message", most=most)
+    errors = error.errors(include_url=False, include_context=False, include_input=False)
+    return in_words(errors, whole="message", most=most)
 
 
 def _readable_references(payload: bytes) -> dict[str, str]:
@@ -94,10 +94,9 @@ def _readable_references(payload: bytes) -> dict[str, str]:
         return {}
     if not isinstance(content, dict):
         return {}
-    found = {key: content.get(key) for key in REFERENCE_KEYS}
     return {
         key: text
-        for key, value in found.items()
-        if isinstance(value, str | int) and not isinstance(value, bool)
+        for key in REFERENCE_KEYS
+        if isinstance(value := content.get(key), str | int) and not isinstance(value, bool)
         if len(text := str(value)) <= REFERENCE_LENGTH
     }

@@ -131,7 +131,7 @@ def _decoder_of(form: type[Header]) -> Decoder[Any]:
 def _struct_of(form: type[WireObject]) -> type[Any]:
     """Derive the struct of a form. Fields that the version lacks become class constants."""
     read = fields_of(form)
-    names = {each.name for each in read}
+    names = {member.name for member in read}
     namespace: dict[str, Any] = {
         name: info.get_default(call_default_factory=True)
         for name, info in form.model_fields.items()
@@ -141,13 +141,18 @@ def _struct_of(form: type[WireObject]) -> type[Any]:
         namespace["__post_init__"] = _finisher_of(form)
     return defstruct(
         form.__name__,
-        [_struct_member(form, each) for each in read]
-        + [other for each in read for other in _other_names(each)],
+        [_struct_member(form, member) for member in read]
+        # a field under another of its names has no place in the struct: such a message does not fit it
+        + [
+            (f"other_{index}_{member.name}", None, field(name=name, default=None))
+            for member in read
+            for index, name in enumerate(member.wire[1:])
+        ],
         namespace=namespace,
         module=form.__module__,
         frozen=True,
         kw_only=True,
-        gc=False,
+        gc=False,  # a tree without circles
     )
 
 
@@ -161,22 +166,14 @@ def _finisher_of(form: type[WireObject]) -> Callable[[Any], None]:
     return post_init
 
 
-def _struct_member(form: type[WireObject], each: Field) -> tuple[str, Any, Any]:
+def _struct_member(form: type[WireObject], member: Field) -> tuple[str, Any, Any]:
     """Return a field as msgspec defines it."""
-    kind = _type_of(each.shape)
-    info = form.model_fields[each.name]
+    kind = _type_of(member.shape)
+    info = form.model_fields[member.name]
     # fields that default to the time of reading need the codec
-    required = each.required or info.default_factory is not None
+    required = member.required or info.default_factory is not None
     default: Any = {} if required else {"default": info.default}
-    return each.name, kind | None if each.nullable else kind, field(name=each.wire[0], **default)
-
-
-def _other_names(each: Field) -> list[tuple[str, Any, Any]]:
-    """Return members that reject messages with a field under another of its names."""
-    return [
-        (f"other_{index}_{each.name}", None, field(name=name, default=None))
-        for index, name in enumerate(each.wire[1:])
-    ]
+    return member.name, kind | None if member.nullable else kind, field(name=member.wire[0], **default)
 
 
 def _type_of(shape: Shape) -> Any:  # noqa: ANN401 - any type annotation
@@ -197,17 +194,15 @@ def _limited_type(shape: Shape) -> Any:  # noqa: ANN401 - any type annotation
         return Annotated[datetime, Meta(tz=True)]
     if kind in (int, float):
         limits = {"ge": shape.least, "gt": shape.above, "le": shape.most}
-        given = {name: kind(limit) for name, limit in limits.items() if limit is not None}
+        meta = {name: kind(limit) for name, limit in limits.items() if limit is not None}
         if kind is float:  # NaN and infinity, which ``record_of`` may be given, are beyond these limits
-            given = ({} if "gt" in given else {"ge": -float_info.max}) | {"le": float_info.max} | given
-        return Annotated[kind, Meta(**given)] if given else kind
+            meta = ({} if "gt" in meta else {"ge": -float_info.max}) | {"le": float_info.max} | meta
+        return Annotated[kind, Meta(**meta)] if meta else kind
     if kind is str:
-        return Annotated[str, Meta(max_length=shape.longest, pattern=_pattern_of(shape))]
+        pattern = shape.pattern
+        if shape.names:  # only the codec translates older names of a value
+            pattern = rf"^(?!(?:{'|'.join(map(re.escape, shape.names))})\Z)"
+        elif pattern is not None:  # in Python, unlike in pydantic, $ also matches before a final line end
+            pattern = pattern.removesuffix("$") + r"\Z"
+        return Annotated[str, Meta(max_length=shape.longest, pattern=pattern)]
     return kind
-
-
-def _pattern_of(shape: Shape) -> str | None:
-    """Return the pattern of a text: that of its field, without the field's older names."""
-    if shape.names:
-        return rf"^(?!(?:{'|'.join(map(re.escape, shape.names))})\Z)"
-    return None if shape.pattern is None else shape.pattern.removesuffix("$") + r"\Z"

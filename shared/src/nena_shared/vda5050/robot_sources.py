@@ -45,18 +45,15 @@ class RobotSources:
 
     def accepts(self, robot: RobotKey, scheme: TopicScheme, message: Dated, *, retained: bool) -> bool:
         """Return whether a message is current for the robot, and remember it for later comparisons."""
-        known = self._sources.get(robot)
-        if known is not None and known.scheme == scheme and known.timestamp is None:
+        source = self._sources.get(robot)
+        if source is not None and source.scheme == scheme and source.timestamp is None:
             return True
-        maybe_old = retained or _ends_connection(message)
-        if known is not None and known.scheme != scheme and maybe_old:
-            if known.timestamp is None or message.timestamp <= known.timestamp:
+        # VDA 5050 3.0, 6.5: a last will has the time of the connect, and comes long after it
+        maybe_old = retained or (isinstance(message, Connection) and message.connection_state in _ENDS)
+        if source is not None and source.scheme != scheme and maybe_old:
+            if source.timestamp is None or message.timestamp <= source.timestamp:
                 return False
-        elif known is not None and known.scheme == scheme and maybe_old:
+        elif source is not None and source.scheme == scheme and maybe_old:
             return True
         self._sources[robot] = _Source(scheme, message.timestamp if maybe_old else None)
         return True
-
-
-def _ends_connection(message: Dated) -> bool:
-    return isinstance(message, Connection) and message.connection_state in _ENDS

@@ -53,26 +53,21 @@ class Field:
 @cache
 def fields_of(form: type[WireObject]) -> tuple[Field, ...]:
     """Return the fields that ``form`` reads."""
-    return tuple(_field_of(name, info) for name, info in form.model_fields.items() if not info.exclude)
-
-
-def _field_of(name: str, info: FieldInfo) -> Field:
-    hints = [info.annotation, *info.metadata]
-    return Field(
-        name=name,
-        wire=tuple(_wire_names(name, info)),
-        shape=_shape_of(info.annotation, list(_flatten_metadata(info.metadata))),
-        required=info.is_required(),
-        nullable=type(None) in _members_of(hints[0]),
-    )
-
-
-def _wire_names(name: str, info: FieldInfo) -> Iterator[str]:
-    read = info.validation_alias or info.alias or name
-    if isinstance(read, AliasChoices):
-        yield from (str(choice) for choice in read.choices)
-    else:
-        yield str(read)
+    fields = []
+    for name, info in form.model_fields.items():
+        if info.exclude:  # a field that the version does not have
+            continue
+        alias = info.validation_alias or info.alias or name
+        fields.append(
+            Field(
+                name=name,
+                wire=tuple(map(str, alias.choices)) if isinstance(alias, AliasChoices) else (str(alias),),
+                shape=_shape_of(info.annotation, list(_flatten_metadata(info.metadata))),
+                required=info.is_required(),
+                nullable=type(None) in _members_of(info.annotation),
+            )
+        )
+    return tuple(fields)
 
 
 def _members_of(annotation: Any) -> tuple[Any, ...]:  # noqa: ANN401 - any type annotation
@@ -82,11 +77,11 @@ def _members_of(annotation: Any) -> tuple[Any, ...]:  # noqa: ANN401 - any type 
 
 
 def _flatten_metadata(metadata: list[Any]) -> Iterator[Any]:
-    for each in metadata:
-        if isinstance(each, FieldInfo):
-            yield from _flatten_metadata(each.metadata)
+    for item in metadata:
+        if isinstance(item, FieldInfo):
+            yield from _flatten_metadata(item.metadata)
         else:
-            yield each
+            yield item
 
 
 def _shape_of(annotation: Any, metadata: list[Any]) -> Shape:  # noqa: ANN401 - any type annotation
@@ -97,7 +92,7 @@ def _shape_of(annotation: Any, metadata: list[Any]) -> Shape:  # noqa: ANN401 - 
     if origin in (Union, UnionType):
         kinds = [arg for arg in get_args(annotation) if arg is not type(None)]
         return _shape_of(kinds[0], metadata) if len(kinds) == 1 else Shape(object)
-    if any(isinstance(each, BeforeValidator) and not isinstance(each, Reads) for each in metadata):
+    if any(isinstance(item, BeforeValidator) and not isinstance(item, Reads) for item in metadata):
         return Shape(object)  # read by the version's own code
     if origin is tuple:
         return Shape(tuple, item=_shape_of(get_args(annotation)[0], []))
@@ -109,15 +104,16 @@ def _shape_of(annotation: Any, metadata: list[Any]) -> Shape:  # noqa: ANN401 - 
 
 
 def _limited_shape(kind: type, metadata: list[Any]) -> Shape:
-    found = {type(each): each for each in metadata}
-    least, above, most, longest = found.get(Ge), found.get(Gt), found.get(Le), found.get(MaxLen)
-    reads = found.get(Reads)
+    limits = {type(item): item for item in metadata}
+    least, above, most, longest = limits.get(Ge), limits.get(Gt), limits.get(Le), limits.get(MaxLen)
+    reads = limits.get(Reads)
     return Shape(
         kind,
         least=None if least is None else float(least.ge),
         above=None if above is None else float(above.gt),
         most=None if most is None else float(most.le),
         longest=None if longest is None else longest.max_length,
-        pattern=next((each.pattern for each in metadata if getattr(each, "pattern", None)), None),
+        # pydantic has no public type for a pattern
+        pattern=next((item.pattern for item in metadata if getattr(item, "pattern", None)), None),
         names=None if reads is None else reads.names,
     )

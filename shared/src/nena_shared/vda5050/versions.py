@@ -24,8 +24,8 @@ class _Codecs(Mapping[str, Codec]):
     """Codecs by version; each package is imported at its first use, because a robot only needs one."""
 
     def __init__(self, packages: Iterable[str]) -> None:
-        found = {_version_of(package): package for package in packages}
-        self._packages = {version: found[version] for version in sorted(found, key=_numbers_of)}
+        by_version = {_version_of(package): package for package in packages}
+        self._packages = {version: by_version[version] for version in sorted(by_version, key=_numbers_of)}
         self._loaded: dict[str, Codec] = {}
 
     def __getitem__(self, version: str) -> Codec:
@@ -187,7 +187,8 @@ def reader_for(version: str | None, major_version: str) -> Codec:
     codec = None if version is None else nearest_codec(version)
     if codec is not None and codec.major_version == major_version:
         return codec
-    of_topic = [each for each in CODECS if "v" + each.partition(".")[0] == major_version]
+    # 4.2: fleet controls subscribe by the topic's major version, so it counts if the header disagrees
+    of_topic = [codec for codec in CODECS if "v" + codec.partition(".")[0] == major_version]
     if not of_topic:
         raise UnknownVersionError(major_version)
     return CODECS[of_topic[-1]]

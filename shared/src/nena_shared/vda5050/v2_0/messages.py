@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Self
 from pydantic import AliasChoices, Field, PlainSerializer
 
 from nena_shared.vda5050.base import Percent, UInt32, WireObject
-from nena_shared.vda5050.state import NodeState, State
+from nena_shared.vda5050.state import State
 from nena_shared.vda5050.v2_1.factsheet import (
     FactsheetV21,
     MaximumArrayLengthsV21,
@@ -60,14 +60,13 @@ class StateV20(StateV21):
     def from_neutral(cls, neutral: WireObject) -> Self:
         """Convert a state to its 2.0 form; drop node positions without theta, which 2.0 requires."""
         state = State.model_validate(neutral, by_name=True, by_alias=False)
-        nodes = tuple(map(_with_theta_or_no_position, state.node_states))
+        nodes = tuple(
+            node
+            if node.node_position is None or node.node_position.theta is not None
+            else node.model_copy(update={"node_position": None})
+            for node in state.node_states
+        )
         return super().from_neutral(state.model_copy(update={"node_states": nodes}))
-
-
-def _with_theta_or_no_position(node: NodeState) -> NodeState:
-    position = node.node_position
-    whole = position is None or position.theta is not None
-    return node if whole else node.model_copy(update={"node_position": None})
 
 
 class PhysicalParametersV20(PhysicalParametersV21):

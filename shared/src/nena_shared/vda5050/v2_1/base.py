@@ -11,8 +11,8 @@ from nena_shared.clock import in_utc
 
 
 def _write_hundredths(value: datetime) -> str:
-    milliseconds = value.replace(tzinfo=None).isoformat(timespec="milliseconds")
-    return milliseconds[:-1] + "Z"
+    # cut, not rounded: a time of sending must not lie in the future
+    return value.replace(tzinfo=None).isoformat(timespec="milliseconds")[:-1] + "Z"
 
 
 TimestampV2 = Annotated[
@@ -28,6 +28,7 @@ TimestampOrNow = Annotated[TimestampV2, Field(default_factory=lambda: datetime.n
 
 
 def _negated_in_json(value: object, info: ValidationInfo) -> object:
+    # neutral objects that are converted to this version already have the neutral meaning
     return not value if info.mode == "json" and isinstance(value, bool) else value
 
 

@@ -119,6 +119,7 @@ class ActionParameterDescriptionV21(ActionParameterDescription):
     value_data_type: Annotated[ValueDataType, reads({"FLOAT": "NUMBER"})]
 
 
+# 2.1 has no zones; an action that is possible elsewhere, too, is still worth listing
 ScopeV21 = Literal["INSTANT", "NODE", "EDGE"]
 
 
@@ -273,5 +274,5 @@ class FactsheetV21(Factsheet):
             action.model_copy(update={"blocking_types": None}) for action in features.mobile_robot_actions
         )
         features = features.model_copy(update={"mobile_robot_actions": actions})
-        made = factsheet.model_copy(update={"protocol_features": features})
-        return cls.model_validate(made, by_name=True, by_alias=False)
+        factsheet = factsheet.model_copy(update={"protocol_features": features})
+        return cls.model_validate(factsheet, by_name=True, by_alias=False)

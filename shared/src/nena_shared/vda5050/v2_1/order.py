@@ -71,6 +71,7 @@ class ActionV21(Action):
     @model_validator(mode="after")
     def _read_trigger(self, info: ValidationInfo) -> Self:
         action_type, key = TRIGGER
+        # info.mode: only JSON has 2.x's values; a neutral action that is converted has 3.0's
         if self.action_type != action_type or info.mode != "json":
             return self
         parameters = tuple(
@@ -107,7 +108,7 @@ class ActionStateV21(ActionState):
     action_result: Annotated[str | None, Field(alias="resultDescription")] = None
 
 
-DEFAULT_DEGREE = 1
+DEFAULT_DEGREE = 1  # as in 3.0, 7.3
 
 
 class TrajectoryV21(Trajectory):
@@ -205,6 +206,7 @@ class EdgeV21(Edge):
     maximum_rotation_speed: Annotated[NotNegative | None, Field(alias="maxRotationSpeed")] = None
     reach_orientation_before_entering: Annotated[Negated, Field(alias="rotationAllowed")] = None
     trajectory: TrajectoryV21 | None = None
+    # 2.1, 6.6.5: a corridor in an order may be used at once, without the request of 3.0, 6.6.10
     corridor: Annotated[CorridorV21 | None, BeforeValidator(_free_to_use)] = None
     """Omitted if it needs a release: the robot then stays on the trajectory, as without a grant."""
     actions: tuple[ActionV21, ...]
@@ -224,21 +226,22 @@ class OrderV21(Order):
         order = Order.model_validate(neutral, by_name=True, by_alias=False)
         edges = tuple(
             EdgeV21.model_validate(
-                {**vars(edge), "start_node_id": before.node_id, "end_node_id": after.node_id},
+                {**vars(edge), "start_node_id": start.node_id, "end_node_id": end.node_id},
                 by_name=True,
                 by_alias=False,
             )
-            for edge, (before, after) in zip(order.edges, pairwise(order.nodes), strict=True)
+            for edge, (start, end) in zip(order.edges, pairwise(order.nodes), strict=True)
         )
         return cls.model_validate(order.model_copy(update={"edges": edges}), by_name=True, by_alias=False)
 
     @model_validator(mode="after")
     def _edges_join_their_nodes(self) -> Self:
-        for edge, (before, after) in zip(self.edges, pairwise(self.nodes), strict=False):
-            if (edge.start_node_id, edge.end_node_id) != (before.node_id, after.node_id):
+        # not strict: the graph rules report a wrong number of edges
+        for edge, (start, end) in zip(self.edges, pairwise(self.nodes), strict=False):
+            if (edge.start_node_id, edge.end_node_id) != (start.node_id, end.node_id):
                 message = (
                     f"edge {edge.edge_id!r} goes from {edge.start_node_id!r} to {edge.end_node_id!r}, "
-                    f"but is between {before.node_id!r} and {after.node_id!r}"
+                    f"but is between {start.node_id!r} and {end.node_id!r}"
                 )
                 raise ValueError(message)
         return self

@@ -25,14 +25,14 @@ def _aliases_of(kind: type[WireObject], form: type[WireObject]) -> dict[str, str
 
 
 WRITTEN: Final[Mapping[str, str]] = {
-    name: other
+    name: name_v2
     for kind, form in ((Node, NodeV21), (Edge, EdgeV21), (Corridor, CorridorV21), (Action, ActionV21))
-    for name, other in _aliases_of(kind, form).items()
-    if name != other
+    for name, name_v2 in _aliases_of(kind, form).items()
+    if name != name_v2
 }
 """Names of 2.x by neutral names, where they differ."""
 
-_READ: Final[Mapping[str, str]] = {other: name for name, other in WRITTEN.items()}
+_READ: Final[Mapping[str, str]] = {name_v2: name for name, name_v2 in WRITTEN.items()}
 
 
 def written_path(path: str) -> str:

@@ -119,6 +119,7 @@ class ErrorEntryV21(ErrorEntry):
     def from_neutral(cls, neutral: WireObject) -> Self:
         """Convert to the 2.1 form: rejections are WARNING, errors that stop the robot are FATAL."""
         error = ErrorEntry.model_validate(neutral, by_name=True, by_alias=False)
+        # 2.1, 6.10.5: with FATAL the robot needs a person, which no rejected message is a reason for
         mild = error.error_level in (ErrorLevel.WARNING, ErrorLevel.URGENT) or error.error_type in REJECTIONS
         return cls.model_validate(
             error.model_copy(
@@ -132,6 +133,8 @@ class ErrorEntryV21(ErrorEntry):
         )
 
 
+# 2.1, 6.10.6 has five modes. SERVICE takes no orders, as STARTUP. AUTOMATIC keeps the order, as INTERVENED
+# (3.0, 6.6.7); that the robot does not go on by itself is said by ``paused``, see ``StateV21.from_neutral``.
 OperatingModeV21 = Annotated[
     OperatingMode,
     reads({"TEACHIN": "TEACH_IN"}),
@@ -188,6 +191,7 @@ class SafetyStateV21(SafetyState):
     @model_validator(mode="before")
     @classmethod
     def _self_acknowledged(cls, data: object) -> object:
+        # 2.1: acknowledged by itself, once the field is free
         if isinstance(data, dict) and data.get("eStop") == "AUTOACK":
             return {**data, "fieldViolation": True}
         return data
@@ -213,6 +217,7 @@ class StateV21(State):
     zone_requests: Absent = None
     edge_requests: Absent = None
     action_states: tuple[ActionStateV21, ...]
+    # 2.1 has one list: only the sender of an action knows that it was an instant action
     instant_action_states: Annotated[tuple[ActionStateV21, ...], always(()), Field(exclude=True)] = ()
     zone_action_states: Absent = None
     power_supply: Annotated[PowerSupplyV21, Field(alias="batteryState")]
@@ -246,6 +251,7 @@ class VisualizationV21(Visualization):
     version: Version = "2.0.0"
     manufacturer: Identifier = ""
     serial_number: Identifier = ""
+    # since 3.0, which requires it
     reference_state_header_id: Annotated[UInt32, always(0), Field(exclude=True)] = 0
     mobile_robot_position: Annotated[MobileRobotPositionV21 | None, Field(alias="agvPosition")] = None
     planned_path: Absent = None

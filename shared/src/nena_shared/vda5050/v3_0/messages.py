@@ -199,6 +199,7 @@ class EdgeRequestV30(EdgeRequest):
 class ErrorEntryV30(ErrorEntry):
     """An active error (section 6.6.5); two types also have older names."""
 
+    # 3.0.0 calls one type INVALID_ORDER in its text; drafts of 3.0.1 have HANDLING_RELEASE_LOSS
     error_type: Annotated[
         str,
         reads({"INVALID_ORDER": "INVALID_ORDER_ACTION", "HANDLING_RELEASE_LOSS": "RELEASE_LOSS_HANDLING"}),
@@ -279,7 +280,7 @@ class ProtocolFeaturesV30(ProtocolFeatures):
 
 
 def _whole_seconds(seconds: float) -> float:
-    return float(ceil(seconds))
+    return float(ceil(seconds))  # up: a shorter charge would not reach the threshold
 
 
 class BatteryChargingV30(BatteryCharging):
@@ -328,6 +329,7 @@ class ZoneV30(Zone):
     entry_actions: tuple[ZoneActionV30, ...] | None = None
     during_actions: tuple[ZoneActionV30, ...] | None = None
     exit_actions: tuple[ZoneActionV30, ...] | None = None
+    # the schema of 3.0.0 has keys with a blank at the end, and "limitation" for both limitations
     priority_factor: Annotated[
         Factor | None, Field(validation_alias=AliasChoices("priorityFactor", "priorityFactor "))
     ] = None
