@@ -52,6 +52,7 @@ def disconnected_points(model: PlantModel) -> tuple[str, ...]:
     names = [point.name for point in model.points]
     if not names:
         return ()
+    # the best connected point is almost surely in the part that the author means to be the plant
     start = max(names, key=lambda name: min(len(forward[name]), len(backward[name])))
     connected = _reachable_from(start, forward) & _reachable_from(start, backward)
     return tuple(name for name in names if name not in connected)
@@ -123,14 +124,10 @@ def find_property_warnings(model: PlantModel) -> Iterator[PlantProblem]:
         for key, value in properties.items():
             for code, text in _check_property(model, key, value):
                 yield PlantProblem(code, kind, name, text)
-    if model.vehicles:
-        yield from _check_recharging(model)
-
-
-def _check_recharging(model: PlantModel) -> Iterator[PlantProblem]:
-    operations = {operation for each in model.location_types for operation in each.allowed_operations}
-    if RECHARGE_OPERATION not in operations:
-        similar = sorted(each for each in operations if each.casefold() == RECHARGE_OPERATION.casefold())
+    operations = {operation for kind in model.location_types for operation in kind.allowed_operations}
+    if model.vehicles and RECHARGE_OPERATION not in operations:
+        # openTCS's operations are free texts, and "CHARGE" is often meant to be the one that recharges
+        similar = sorted(name for name in operations if name.casefold() == RECHARGE_OPERATION.casefold())
         hint = f" ({similar[0]!r} is a different operation: names are case-sensitive)" if similar else ""
         text = f"no location type allows {RECHARGE_OPERATION!r}, so vehicles are never recharged{hint}"
         yield PlantProblem("NO_RECHARGE_OPERATION", ObjectKind.MODEL, model.name, text)
@@ -140,7 +137,7 @@ def _all_properties(model: PlantModel) -> Iterator[tuple[ObjectKind, str, Mappin
     yield ObjectKind.MODEL, model.name, model.properties
     yield from ((ObjectKind.POINT, point.name, point.properties) for point in model.points)
     yield from ((ObjectKind.PATH, path.name, path.properties) for path in model.paths)
-    yield from ((ObjectKind.LOCATION_TYPE, each.name, each.properties) for each in model.location_types)
+    yield from ((ObjectKind.LOCATION_TYPE, kind.name, kind.properties) for kind in model.location_types)
     yield from ((ObjectKind.LOCATION, location.name, location.properties) for location in model.locations)
     yield from ((ObjectKind.BLOCK, block.name, block.properties) for block in model.blocks)
     yield from ((ObjectKind.VEHICLE, vehicle.name, vehicle.properties) for vehicle in model.vehicles)
@@ -153,14 +150,10 @@ def _check_property(model: PlantModel, key: str, value: str) -> Iterator[tuple[s
         yield "EMPTY_PROPERTY", f"property {key!r} has no value"
     elif (key in _NUMBERS or key.startswith(_COSTS)) and not _is_number(value):
         yield "PROPERTY_NOT_A_NUMBER", f"property {key!r} is {value!r}; it must be a number of at least 0"
-    elif _has_dangling_value(model, key, value):
+    elif key == keys.VEHICLE_TYPE and not model.vehicle_types:
+        return  # a type that no point or path names may use them all, as in models without LIF
+    elif key in _REFERENCES and value not in _REFERENCES[key](model):
         yield "PROPERTY_NAMES_NOTHING", f"property {key!r} refers to unknown {value!r}"
-
-
-def _has_dangling_value(model: PlantModel, key: str, value: str) -> bool:
-    if key == keys.VEHICLE_TYPE and not model.vehicle_types:
-        return False
-    return key in _REFERENCES and value not in _REFERENCES[key](model)
 
 
 def _intended_key(key: str) -> str | None:
@@ -197,6 +190,7 @@ def _all_names(model: PlantModel) -> Iterator[tuple[ObjectKind, str]]:
 
 
 def _name_errors(model: PlantModel) -> Iterator[PlantProblem]:
+    # openTCS, too, keeps all kinds of objects under one set of names
     times = Counter(name for _, name in _all_names(model))
     for kind, name in dict.fromkeys(_all_names(model)):
         if times[name] > 1:

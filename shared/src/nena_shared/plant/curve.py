@@ -24,8 +24,9 @@ def fault(trajectory: PathTrajectory) -> str:
         return f"has {len(points)} control points for degree {trajectory.degree}"
     if len(knots) != wanted:
         return f"has {len(knots)} knots and needs {wanted}"
-    if any(after < before for before, after in pairwise(knots)):
+    if any(following < knot for knot, following in pairwise(knots)):
         return "has knots that decrease"
+    # a NURBS is only defined between these two knots, which are its ends
     if knots[trajectory.degree] == knots[-trajectory.degree - 1]:
         return "has no span between its knots"
     return ""
@@ -48,25 +49,26 @@ def places(trajectory: PathTrajectory, samples: int = _SAMPLES) -> tuple[Place, 
 def steps(trajectory: PathTrajectory, longest: float) -> tuple[Place, ...]:
     """Return points along a valid curve, including both ends, at most ``longest`` m apart."""
     knots, degree = trajectory.knot_vector, trajectory.degree
-    found = [_place_at(trajectory, knots[degree])]
+    line = [_place_at(trajectory, knots[degree])]
     for low, high in pairwise(sorted(set(knots[degree : len(knots) - degree]))):
         cuts = [low + (high - low) * i / (_PARTS * degree) for i in range(1, _PARTS * degree)]
-        for before, after in pairwise((low, *cuts, high)):
-            _add_steps(trajectory, (before, after), longest, found)
-    return tuple(found)
+        for part in pairwise((low, *cuts, high)):
+            _add_steps(trajectory, part, longest, line)
+    return tuple(line)
 
 
 def _add_steps(
-    trajectory: PathTrajectory, part: tuple[float, float], longest: float, found: list[Place]
+    trajectory: PathTrajectory, part: tuple[float, float], longest: float, line: list[Place]
 ) -> None:
-    """Append the points of a part of the curve; its start is already the last of ``found``."""
+    """Append the points of a part of the curve; its start is already the last of ``line``."""
     waiting = [part]
     while waiting:
         low, high = waiting.pop()
         middle, end = (low + high) / 2, _place_at(trajectory, high)
-        if hypot(end[0] - found[-1][0], end[1] - found[-1][1]) <= longest or not low < middle < high:
-            found.append(end)
-        else:
+        # a part that floats cannot halve any more ends the search at a jump of the curve
+        if hypot(end[0] - line[-1][0], end[1] - line[-1][1]) <= longest or not low < middle < high:
+            line.append(end)
+        else:  # the nearer half is taken next
             waiting += [(middle, high), (low, middle)]
 
 
@@ -77,6 +79,7 @@ def length(trajectory: PathTrajectory) -> float:
 
 def scaled(trajectory: PathTrajectory) -> PathTrajectory:
     """Return a valid curve with its knots scaled to 0 to 1."""
+    # VDA 5050 3.0, 7.3 has knots from 0 to 1; LIF allows any
     knots = trajectory.knot_vector
     if knots[0] >= 0 and knots[-1] <= 1:
         return trajectory
@@ -93,6 +96,7 @@ def is_cubic_bezier(trajectory: PathTrajectory) -> bool:
 def _place_at(trajectory: PathTrajectory, at: float) -> Place:
     """Return the point at parameter ``at``, by de Boor's algorithm for rational curves."""
     knots, degree = trajectory.knot_vector, trajectory.degree
+    # the end of the curve belongs to its last span, not to the empty one behind it
     last = bisect_left(knots, knots[-degree - 1]) - 1
     span = min(bisect_right(knots, at) - 1, last)
     near = trajectory.control_points[span - degree : span + 1]

@@ -19,19 +19,22 @@ _INTERFACE_NAME: Final[TypeAdapter[str | None]] = TypeAdapter(TopicPrefix | None
 
 def find_fleet_errors(model: PlantModel) -> tuple[PlantProblem, ...]:
     """Return the errors for which the order service refuses to start with this plant model."""
-    found = [] if model.points else [PlantProblem("NO_POINTS", ObjectKind.MODEL, model.name, "has no points")]
+    problems: list[PlantProblem] = []
+    if not model.points:
+        problems.append(PlantProblem("NO_POINTS", ObjectKind.MODEL, model.name, "has no points"))
     owners: dict[str, str] = {}
     for vehicle in model.vehicles:
         serial = vehicle.serial_number or vehicle.name
-        found += _topic_errors(vehicle, serial)
-        other = owners.setdefault(serial, vehicle.name)
-        if other != vehicle.name:
+        problems += _topic_errors(vehicle, serial)
+        # VDA 5050 3.0, 4.2 tells robots apart by manufacturer and serial number, NeNa's topics by the latter
+        owner = owners.setdefault(serial, vehicle.name)
+        if owner != vehicle.name:
             text = (
-                f"{other!r} and {vehicle.name!r} have the same serial number {serial!r}; "
+                f"{owner!r} and {vehicle.name!r} have the same serial number {serial!r}; "
                 f"change one by the property {keys.VDA5050_SERIAL_NUMBER}"
             )
-            found.append(PlantProblem("SAME_SERIAL_NUMBER", ObjectKind.VEHICLE, vehicle.name, text))
-    return tuple(found)
+            problems.append(PlantProblem("SAME_SERIAL_NUMBER", ObjectKind.VEHICLE, vehicle.name, text))
+    return tuple(problems)
 
 
 def _topic_errors(vehicle: Vehicle, serial: str) -> Iterator[PlantProblem]:

@@ -117,11 +117,11 @@ def parse_transform(text: str) -> MapTransform:
     Rotation in degrees counter-clockwise, x and y in metres of the map. Raises ValueError.
     """
     pairs = [_PAIR.fullmatch(part) for part in text.split()]
-    found = {pair[1]: pair[2] for pair in pairs if pair}
-    if not found or len(found) < len(pairs):
+    values = {pair[1]: pair[2] for pair in pairs if pair}
+    if not values or len(values) < len(pairs):  # a word that is no pair, or a key twice
         msg = f"{text!r} is not of the form {_WANTED}"
         raise ValueError(msg)
-    numbers = {key: float(value) for key, value in found.items()}
+    numbers = {key: float(value) for key, value in values.items()}
     return MapTransform(
         scale=numbers.get("scale", 1.0),
         rotation_rad=radians(numbers.get("rotation", 0.0)),
@@ -167,16 +167,17 @@ class PlanarIndex(Generic[T]):
     def near(self, x: float, y: float, reach: float) -> list[T]:
         """Return all items with boxes nearer to the position than ``reach``, in order, and perhaps others."""
         columns, rows = self._cells_of_box(Box(x - reach, y - reach, x + reach, y + reach))
-        found = set(self._large)
+        indices = set(self._large)
         for column in _range_overlap(columns, self._columns):
             for row in _range_overlap(rows, self._rows):
-                found.update(self._cells.get((column, row), ()))
-        return [self._items[index][1] for index in sorted(found)]
+                indices.update(self._cells.get((column, row), ()))
+        return [self._items[index][1] for index in sorted(indices)]
 
     def nearest(self, x: float, y: float) -> T | None:
         """Return the item nearest to the position, the first of several; None if the index is empty."""
         best, least = -1, inf
         for ring, indices in enumerate(self._rings_around(x, y)):
+            # the position may be at its cell's border: a ring's items are up to one cell nearer
             if least < (ring - 1) * self._cell:
                 break
             for index in indices:
@@ -210,6 +211,7 @@ def _cell_of(boxes: list[Box]) -> float:
         return 1.0
     width = max(box.x_max for box in boxes) - min(box.x_min for box in boxes)
     height = max(box.y_max for box in boxes) - min(box.y_min for box in boxes)
+    # objects in a row cover no area: cells along the row then
     across = max(width, height)
     square = max(width * height, across * across / len(boxes))
     return float(ceil((square / len(boxes)) ** 0.5)) or 1.0
@@ -228,13 +230,13 @@ def _cells_of_ring(
 ) -> Iterator[tuple[int, int]]:
     """Yield the existing cells at a distance of exactly ``ring`` cells."""
     left, right, low, high = column - ring, column + ring, row - ring, row + ring
-    for each in _range_overlap(range(left, right + 1), columns):
+    for across in _range_overlap(range(left, right + 1), columns):
         if low in rows:
-            yield each, low
-        if high in rows and ring:
-            yield each, high
-    for each in _range_overlap(range(low + 1, high), rows):
+            yield across, low
+        if high in rows and ring:  # ring 0 is one cell
+            yield across, high
+    for along in _range_overlap(range(low + 1, high), rows):
         if left in columns:
-            yield left, each
+            yield left, along
         if right in columns:
-            yield right, each
+            yield right, along

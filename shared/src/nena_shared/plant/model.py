@@ -293,7 +293,7 @@ class PlantModel(PlantRecord):
         for point in self.points:
             maps.setdefault(point.map_id or None, []).append(point)
         return {
-            map_id: PlanarIndex((Box(each.x_m, each.y_m, each.x_m, each.y_m), each) for each in points)
+            map_id: PlanarIndex((Box(point.x_m, point.y_m, point.x_m, point.y_m), point) for point in points)
             for map_id, points in maps.items()
         }
 

@@ -185,6 +185,7 @@ class DeviationBounds(PlantRecord):
 
     def ellipse(self, wanted: float) -> tuple[float, float]:
         """Return the semi-axes a and b, m: the values within the bounds that are closest to ``wanted``."""
+        # LIF 2.0: a is the longer semi-axis, so it gives way to b's lower bound
         b = _limit_to(wanted, self.b_minimum, self.b_maximum)
         a = _limit_to(max(wanted, b), self.a_minimum, self.a_maximum)
         return a, min(a, b)
