@@ -80,6 +80,7 @@ class AuditEntry(Resource):
 
 def hash_after(previous: str, row: Mapping[str, object]) -> str:
     """Return the hash of a row, given as in JSON; its own ``hash`` and empty fields do not count."""
+    # without empty fields, a field that a newer release adds does not change the hash of older rows
     fields = {name: value for name, value in row.items() if value not in (None, "") and name != HASH}
     text = json.dumps(fields, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
     return hashlib.sha256(f"{previous}\n{text}".encode()).hexdigest()
@@ -148,25 +149,24 @@ class ChainCheck:
 
     def problems(self, page: AuditPage) -> Iterator[str]:
         """Check the next page; yield what is wrong, the oldest first."""
-        if page.deleted.sequence > self.last.sequence:
-            yield from self._problems_of_deleted(page.deleted)
-            self.last = page.deleted
+        expected, deleted = self._expected, page.deleted
+        if deleted.sequence > self.last.sequence:
+            if expected and self.last.sequence < expected.sequence < deleted.sequence:
+                yield (
+                    f"row {expected.sequence} cannot be compared: rows up to {deleted.sequence} were deleted "
+                    "because of their age; expect a newer one"
+                )
+            elif expected and expected.sequence == deleted.sequence and expected.hash != deleted.hash:
+                yield (
+                    f"row {deleted.sequence}, which was deleted because of its age, is not the expected one"
+                )
+            self.last = deleted
         for entry in page.entries:
             yield from self._problems_of(entry)
             self.rows += 1
             self.last = AuditMark(sequence=entry.sequence, hash=entry.hash)
         if page.next is None:
             yield from self._problems_at_end(page.last)
-
-    def _problems_of_deleted(self, deleted: AuditMark) -> Iterator[str]:
-        expected = self._expected
-        if expected and self.last.sequence < expected.sequence < deleted.sequence:
-            yield (
-                f"row {expected.sequence} cannot be compared: rows up to {deleted.sequence} were deleted "
-                "because of their age; expect a newer one"
-            )
-        elif expected and expected.sequence == deleted.sequence and expected.hash != deleted.hash:
-            yield f"row {deleted.sequence}, which was deleted because of its age, is not the expected one"
 
     def _problems_of(self, entry: AuditEntry) -> Iterator[str]:
         number, due, expected = entry.sequence, self.last.sequence + 1, self._expected
@@ -184,8 +184,9 @@ class ChainCheck:
             yield f"row {number} is not the expected one: its hash is {entry.hash}"
 
     def _problems_at_end(self, last: AuditMark) -> Iterator[str]:
-        known = self._expected.sequence if self._expected else 0
-        first, end = self.last.sequence + 1, max(last.sequence, known)
+        # somebody who can delete the newest rows can lower ``last``, too, but not what an auditor has noted
+        expected = self._expected.sequence if self._expected else 0
+        first, end = self.last.sequence + 1, max(last.sequence, expected)
         if first <= end:
             which = f"row {first} is" if first == end else f"rows {first} to {end} are"
             yield f"{which} missing: the trail ends with row {first - 1}"

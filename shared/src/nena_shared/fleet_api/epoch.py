@@ -20,6 +20,7 @@ class _Stamp(Resource):
 
 def with_epoch(body: bytes, epoch: int) -> bytes:
     """Add the field ``epoch`` to a non-empty JSON object."""
+    # added as text: a status is encoded once, whoever publishes it
     return b'%s,"epoch":%d}' % (body[:-1], epoch)
 
 

@@ -82,7 +82,7 @@ StoredZoneSet = Annotated[ZoneSet, AfterValidator(_addressed)]
 
 
 def _zone_set_from_json(value: object) -> ZoneSet:
-    """Parse a zone set in JSON mode, which the objects of the standard require."""
+    # VDA 5050's objects are strict: as Python objects, enumerations and tuples would have to be such already
     return value if isinstance(value, ZoneSet) else ZoneSet.model_validate_json(to_json(value))
 
 

@@ -236,9 +236,8 @@ TYPES: Final[Mapping[str, ProblemType]] = {request.uri: request for request in (
 
 def by_status(refusals: Iterable[Refusal]) -> dict[HTTPStatus, str]:
     """Return the descriptions of refusals by HTTP status."""
-    found: dict[HTTPStatus, str] = {}
-    for refusal in sorted(refusals, key=lambda each: each.status):
-        found[refusal.status] = (
-            f"{found[refusal.status]} {refusal.meaning}" if refusal.status in found else refusal.meaning
-        )
-    return found
+    meanings: dict[HTTPStatus, str] = {}
+    for refusal in sorted(refusals, key=lambda refusal: refusal.status):
+        earlier = f"{meanings[refusal.status]} " if refusal.status in meanings else ""
+        meanings[refusal.status] = f"{earlier}{refusal.meaning}"
+    return meanings

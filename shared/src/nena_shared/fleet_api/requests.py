@@ -154,7 +154,7 @@ class OrderTypesRequest(Request):
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:
-        names = [each.name for each in self.acceptable_order_types]
+        names = [order_type.name for order_type in self.acceptable_order_types]
         if len(names) != len(set(names)):
             message = "list each type once"
             raise ValueError(message)

@@ -42,6 +42,7 @@ connection at control characters.
 def level_of(name: str) -> str:
     """Return a name as a topic level that every broker accepts; :func:`unquote` returns the name."""
     if name.startswith("$"):
+        # MQTT 3.1.1, 4.7.2: topics with a leading $ belong to the broker
         return f"%24{level_of(name[1:])}"
     return "".join(
         f"%{ord(sign):02X}" if sign in ENCODED else sign if sign.isprintable() else quote(sign, safe="")
@@ -191,7 +192,9 @@ class FleetTopics:
 
     def _robot_in(self, topic: str, end: str) -> RobotKey | None:
         levels = topic.removeprefix(f"{self.prefix}/robots/").removesuffix(f"/{end}").split("/")
-        robot = RobotKey(*map(unquote, levels)) if len(levels) == len(RobotKey._fields) else None
-        return (
-            robot if robot is not None and topic == f"{self.prefix}/robots/{'/'.join(levels)}/{end}" else None
-        )
+        if len(levels) != len(RobotKey._fields):
+            return None
+        # removeprefix and removesuffix leave a topic as it is that has neither
+        if topic != f"{self.prefix}/robots/{'/'.join(levels)}/{end}":
+            return None
+        return RobotKey(*map(unquote, levels))

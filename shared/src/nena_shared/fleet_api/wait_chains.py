@@ -34,60 +34,49 @@ def wait_chains(
     the head of its queue even if it waits itself; so is an unknown vehicle.
     """
     asked = {
-        name: tuple(other for other in others if other != name)
-        for name, others in waits.items()
+        name: tuple(vehicle for vehicle in vehicles if vehicle != name)
+        for name, vehicles in waits.items()
         if name not in stuck
     }
-    asked = {name: others for name, others in asked.items() if others}
+    asked = {name: vehicles for name, vehicles in asked.items() if vehicles}
     behind: dict[str, list[str]] = defaultdict(list)
-    for name, others in asked.items():
-        for other in others:
-            behind[other].append(name)
+    for name, vehicles in asked.items():
+        for vehicle in vehicles:
+            behind[vehicle].append(name)
     chains: dict[str, WaitChain] = {}
     heads = [name for name in behind if name not in asked]
-    _line_up(chains, behind, (name for name in heads if name in stuck))
-    _find_circles(chains, asked, behind)
-    _line_up(chains, behind, (name for name in heads if name not in stuck))
-    return chains
-
-
-def chain_from(name: str, chains: Mapping[str, WaitChain]) -> tuple[str, ...]:
-    """Return the vehicles from ``name`` to the head, or once around the circle."""
-    found = [name]
-    while (chain := chains.get(found[-1])) and chain.next not in found:
-        found.append(chain.next)
-    return tuple(found)
-
-
-def _line_up(chains: dict[str, WaitChain], behind: Mapping[str, Iterable[str]], heads: Iterable[str]) -> None:
-    """Add chains for the vehicles behind ``heads`` that have none, nearest first."""
-    row = deque((head, WaitChain(head, head)) for head in heads)
-    _add(chains, behind, row)
-
-
-def _add(
-    chains: dict[str, WaitChain], behind: Mapping[str, Iterable[str]], row: deque[tuple[str, WaitChain]]
-) -> None:
-    while row:
-        name, chain = row.popleft()
-        for other in behind.get(name, ()):
-            if other not in chains:
-                chains[other] = WaitChain(name, chain.head, chain.circle)
-                row.append((other, chain))
-
-
-def _find_circles(
-    chains: dict[str, WaitChain], waits: Mapping[str, Iterable[str]], behind: Mapping[str, Iterable[str]]
-) -> None:
-    """Add chains for the vehicles that have none and wait in or behind a circle."""
-    open_ways = _endless(waits, behind, chains.keys())
-    following = {name: next(each for each in waits[name] if each in open_ways) for name in open_ways}
+    # a vehicle gets the first chain that reaches it, so what nobody ends by waiting comes first
+    _line_up(chains, behind, deque((head, WaitChain(head, head)) for head in heads if head in stuck))
+    open_ways = _endless(asked, behind, chains.keys())
+    following = {name: next(vehicle for vehicle in asked[name] if vehicle in open_ways) for name in open_ways}
     row = deque[tuple[str, WaitChain]]()
     for circle in _circles(following):
         for name in circle:
             chains[name] = WaitChain(following[name], None, circle)
             row.append((name, chains[name]))
-    _add(chains, behind, row)
+    _line_up(chains, behind, row)
+    _line_up(chains, behind, deque((head, WaitChain(head, head)) for head in heads if head not in stuck))
+    return chains
+
+
+def chain_from(name: str, chains: Mapping[str, WaitChain]) -> tuple[str, ...]:
+    """Return the vehicles from ``name`` to the head, or once around the circle."""
+    row = [name]
+    while (chain := chains.get(row[-1])) and chain.next not in row:
+        row.append(chain.next)
+    return tuple(row)
+
+
+def _line_up(
+    chains: dict[str, WaitChain], behind: Mapping[str, Iterable[str]], row: deque[tuple[str, WaitChain]]
+) -> None:
+    """Add chains for the vehicles behind those in ``row`` that have none, nearest first."""
+    while row:
+        name, chain = row.popleft()
+        for vehicle in behind.get(name, ()):
+            if vehicle not in chains:
+                chains[vehicle] = WaitChain(name, chain.head, chain.circle)
+                row.append((vehicle, chain))
 
 
 def _endless(
@@ -95,16 +84,17 @@ def _endless(
 ) -> dict[str, None]:
     """Return the vehicles whose chain never ends; skip ``known`` ones."""
     left = {name: None for name in waits if name not in known}
-    count = {name: sum(each in left for each in waits[name]) for name in left}
+    count = {name: sum(vehicle in left for vehicle in waits[name]) for name in left}
+    # peel off, from the ends, whoever waits for nobody that is left; circles and those behind them remain
     ends = deque(name for name, number in count.items() if not number)
     while ends:
         name = ends.popleft()
         del left[name]
-        for other in behind.get(name, ()):
-            if other in left:
-                count[other] -= 1
-                if not count[other]:
-                    ends.append(other)
+        for vehicle in behind.get(name, ()):
+            if vehicle in left:
+                count[vehicle] -= 1
+                if not count[vehicle]:
+                    ends.append(vehicle)
     return left
 
 

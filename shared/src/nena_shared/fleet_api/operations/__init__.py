@@ -17,5 +17,5 @@ else:
 
     def __getattr__(name: str) -> Any:  # noqa: ANN401 - the table contains the types
         """Return an object of the table, from the second time on without this function."""
-        found = globals()[name] = getattr(import_module("nena_shared.fleet_api.operations.table"), name)
-        return found
+        entry = globals()[name] = getattr(import_module("nena_shared.fleet_api.operations.table"), name)
+        return entry

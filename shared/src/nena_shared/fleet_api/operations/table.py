@@ -25,10 +25,10 @@ from nena_shared.fleet_api.operations.sequences import *  # noqa: F403
 from nena_shared.fleet_api.operations.vehicles import *  # noqa: F403
 
 OPERATIONS: Final[tuple[operation.Operation[Any], ...]] = tuple(
-    each
+    entry
     for noun in (orders, sequences, schedules, vehicles, plant, fleet, peripherals)
-    for each in vars(noun).values()
-    if isinstance(each, operation.Operation) and each is not plant.CHANGE_PLANT
+    for entry in vars(noun).values()
+    if isinstance(entry, operation.Operation) and entry is not plant.CHANGE_PLANT
 )
 """All operations that are served alike, in the order of their modules: all but the one whose body is a file.
 
@@ -36,6 +36,6 @@ A route that also matches another one's path comes after it.
 """
 
 COMMANDS: Final[Mapping[str, operation.Operation[Any]]] = {
-    each.name: each for each in OPERATIONS if each.result
+    entry.name: entry for entry in OPERATIONS if entry.result
 }
 """Operations of MQTT commands, by name."""
