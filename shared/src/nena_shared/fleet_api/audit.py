@@ -175,7 +175,7 @@ class ChainCheck:
             yield f"{which} missing: row {number} follows row {due - 1}"
         elif number < due:
             yield f"row {number} is out of order: it follows row {due - 1}"
-        elif not entry.fits(self.last.hash):
+        elif not entry.fits(self.last.hash):  # behind a gap, the hash says nothing
             yield (
                 f"row {number} ({entry.operation} by {entry.user}, {entry.timestamp:%Y-%m-%d %H:%M:%S} UTC) "
                 "does not have the hash of its content: it was changed, or the row before it was replaced"

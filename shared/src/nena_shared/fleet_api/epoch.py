@@ -48,6 +48,7 @@ class EpochFilter:
         if epoch >= self._newest:
             self._newest = epoch
             return True
+        # once: a replaced service that still runs publishes a status with each change
         if self.ignored == 0:
             log.warning("ignoring statuses of an older epoch", epoch=epoch, newest=self._newest)
         self.ignored += 1

@@ -149,6 +149,7 @@ PNG_LIMIT: Final = 2 * 1024 * 1024
 PAYLOAD_LIMIT: Final = 3 * 1024 * 1024
 """Maximum size of the message, bytes."""
 
+# signature, then length and name of the first chunk, which is always the header with the size
 _PNG_HEAD: Final = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"
 _SIZE: Final = struct.Struct(">II")
 

@@ -463,6 +463,7 @@ _PLAIN: Final = (str, int, float)
 
 def _sent(value: str | float | datetime) -> Value:
     """Return a value as in JSON; enumerations as text."""
+    # exactly these types: an enumeration is a text, too, but is sent as a plain one
     if type(value) in _PLAIN:
         return value  # type: ignore[return-value] # no time is plain
     if isinstance(value, datetime):

@@ -133,6 +133,7 @@ class DriveOrderState(StrEnum):
 
 
 Text = Annotated[str, Field(max_length=2000)]
+# up to 2**53: readers in other languages may read JSON numbers as floats
 Whole = Annotated[int, Field(strict=True, ge=-(2**53), le=2**53)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 

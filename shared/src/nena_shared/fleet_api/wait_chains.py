@@ -48,6 +48,7 @@ def wait_chains(
     # a vehicle gets the first chain that reaches it, so what nobody ends by waiting comes first
     _line_up(chains, behind, deque((head, WaitChain(head, head)) for head in heads if head in stuck))
     open_ways = _endless(asked, behind, chains.keys())
+    # the first that never ends: those it waits for come nearest first
     following = {name: next(vehicle for vehicle in asked[name] if vehicle in open_ways) for name in open_ways}
     row = deque[tuple[str, WaitChain]]()
     for circle in _circles(following):
@@ -110,5 +111,6 @@ def _circles(following: Mapping[str, str]) -> Iterator[tuple[str, ...]]:
             name = following[name]
         if name in way:
             circle = list(way)[way[name] :]
+            # from the first by name, so that all vehicles of a circle report the same one
             first = circle.index(min(circle))
             yield (*circle[first:], *circle[:first])

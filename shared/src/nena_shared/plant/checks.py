@@ -162,6 +162,7 @@ def _intended_key(key: str) -> str | None:
         return None
     if key != key.strip():
         return key.strip()
+    # openTCS: properties are free, and other programs have their own
     if not key.casefold().startswith(_PREFIXES):
         return None
     similar = get_close_matches(key.casefold(), _FOLDED, n=1, cutoff=_SIMILARITY)

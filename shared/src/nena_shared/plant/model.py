@@ -291,6 +291,7 @@ class PlantModel(PlantRecord):
         """Spatial index of the points (m) for each mapId; None: points without one."""
         maps: dict[str | None, list[Point]] = {}
         for point in self.points:
+            # an empty property is no map
             maps.setdefault(point.map_id or None, []).append(point)
         return {
             map_id: PlanarIndex((Box(point.x_m, point.y_m, point.x_m, point.y_m), point) for point in points)

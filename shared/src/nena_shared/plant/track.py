@@ -399,6 +399,7 @@ class Path(PlantRecord):
 
     def edges(self) -> Iterator["DirectedEdge"]:
         """Yield the drivable directions of the path, locked or not."""
+        # openTCS: a maximum speed of 0 closes a direction
         if self.max_velocity_mm_s:
             yield DirectedEdge(self, Orientation.FORWARD)
         if self.max_reverse_velocity_mm_s:

@@ -116,6 +116,7 @@ JsonObject = Annotated[dict[str, JsonValue], AfterValidator(finite)]
 """Any JSON object."""
 
 
+# up to 2**53: readers in other languages may read JSON numbers as floats
 Epoch = Annotated[int, Field(ge=0, le=2**53 - 1)]
 
 

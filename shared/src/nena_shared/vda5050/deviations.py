@@ -58,6 +58,7 @@ class Deviations:
 
     def note_message(self, topic: str, repairs: tuple[Repair, ...]) -> None:
         """Count the repairs of one message; the robot is taken from its topic."""
+        # from the right, as the interface name may have several levels
         *_, manufacturer, serial_number, name = topic.split("/")
         self.note(RobotKey(manufacturer, serial_number), name, repairs)
 

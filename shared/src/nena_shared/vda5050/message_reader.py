@@ -55,6 +55,7 @@ class _KnownReader:
         self.messages += 1
         if not paths <= self.seen:
             self.seen |= paths
+        # whole windows instead of a count for each path: a deviation lasts for one to two of them
         if self.messages == DEVIATIONS_REMEMBERED:
             self.deviations, self.seen, self.messages = self.seen, EVERYWHERE, 0
 
@@ -178,7 +179,7 @@ class MessageReader:
 
     def _learn_repairs(self, topic: str, reader: _KnownReader) -> None:
         if topic not in self._readers and len(self._readers) >= TOPICS_REMEMBERED:
-            self._readers.clear()
+            self._readers.clear()  # learnt again with the next messages
         previous = self._readers.get(topic)
         self._readers[topic] = reader
         if previous is not None and previous.version == reader.version:

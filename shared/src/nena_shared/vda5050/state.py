@@ -37,6 +37,7 @@ class OperatingMode(StrEnum):
     @property
     def takes_orders(self) -> bool:
         """Return whether fleet control may send orders in this mode (section 6.6.6)."""
+        # INTERVENED: a person moves the robot, which keeps its order and runs new ones later
         return self in (OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC, OperatingMode.INTERVENED)
 
     @property

@@ -50,6 +50,7 @@ class TopicScheme(NamedTuple):
 
     def robot_of(self, topic: str) -> RobotKey | None:
         """Return the robot of ``topic``; None if the topic does not belong to this scheme."""
+        # from the right, as the interface name may have several levels
         levels = topic.rsplit("/", LEVELS_BEHIND_INTERFACE)
         if len(levels) <= LEVELS_BEHIND_INTERFACE or levels[:2] != [self.interface_name, self.major_version]:
             return None

@@ -25,6 +25,7 @@ class _Codecs(Mapping[str, Codec]):
 
     def __init__(self, packages: Iterable[str]) -> None:
         by_version = {_version_of(package): package for package in packages}
+        # by numbers: as a text, 2.10.0 is before 2.9.0
         self._packages = {version: by_version[version] for version in sorted(by_version, key=_numbers_of)}
         self._loaded: dict[str, Codec] = {}
 
@@ -160,6 +161,7 @@ def codec_of_header(payload: bytes) -> Codec | None:
 def nearest_codec(version: str) -> Codec | None:
     """Return the codec of this version, or of the nearest older one of the same major version."""
     wanted = _numbers_of(version)
+    # (2,) is before every (2, x, y), so the lower limit is the major version
     older = [codec for codec in CODECS if wanted[:1] <= _numbers_of(codec) <= wanted]
     return CODECS[older[-1]] if older else None
 

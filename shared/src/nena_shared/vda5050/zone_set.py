@@ -85,6 +85,7 @@ REQUIRED: Final[Mapping[ZoneType, tuple[str, ...]]] = MappingProxyType(
 
 def _by_type(schema: dict[str, Any], kind: type[WireObject]) -> None:
     """Add the required fields of each zone type to the JSON Schema of ``kind``."""
+    # the schema of 3.0.0 does not say this; 7.6 does in words
     schema["allOf"] = [
         {
             "if": {"properties": {"zoneType": {"const": zone_type.value}}, "required": ["zoneType"]},
@@ -118,6 +119,7 @@ class Zone(WireObject):
 
     @model_validator(mode="after")
     def _has_what_its_type_needs(self) -> Self:
+        # None, not false: an ACTION zone may have empty lists, and a factor 0
         if missing := [name for name in REQUIRED.get(self.zone_type, ()) if getattr(self, name) is None]:
             names = ", ".join(str(type(self).model_fields[name].alias) for name in missing)
             message = f"a {self.zone_type} zone needs {names}"

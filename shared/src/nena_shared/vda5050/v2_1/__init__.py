@@ -18,6 +18,7 @@ from nena_shared.vda5050.v2_1.state import ConnectionV21, StateV21, Visualizatio
 from nena_shared.vda5050.visualization import Visualization
 
 RULES: Final = Rules(
+    # retries, clearInstantActions, the instant action "trigger", zones and hibernation came with 3.0
     action_statuses=frozenset(ActionStatus) - {ActionStatus.RETRIABLE},
     instant_states_until_cleared=False,
     first_update_id_is_zero=False,
@@ -25,9 +26,10 @@ RULES: Final = Rules(
     stitching_node_repeated=False,
     cancel_names_order=False,
     trigger_by_action=False,
-    maps=True,
+    maps=True,  # 2.1, 6.7
     zones=False,
     hibernation=False,
+    # 2.1, 6.6.4: one type for all updates that do not fit
     wrong_stitching_node=ErrorType.OUTDATED_ORDER_UPDATE,
 )
 """Rules of this version."""

@@ -37,8 +37,11 @@ RULES: Final = Rules(
     maps=True,
     zones=True,
     hibernation=True,
+    # 6.1.2 has no type for it
     wrong_stitching_node=ErrorType.VALIDATION_FAILURE,
+    # 6.6.7 keeps lastNodeId when an order is cleared; table 10 of 6.6.6, which names the modes, empties it
     node_forgotten_in=frozenset({OperatingMode.STARTUP, OperatingMode.SERVICE, OperatingMode.TEACH_IN}),
+    # table 10: a person may drive the robot anywhere, but its node is right until it leaves
     node_left_in=frozenset({OperatingMode.MANUAL}),
 )
 """Rules of this version."""

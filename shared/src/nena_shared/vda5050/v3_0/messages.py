@@ -108,6 +108,7 @@ class TrajectoryV30(Trajectory):
 class CorridorV30(Corridor):
     """Allowed deviation from a trajectory (section 7.3)."""
 
+    # 2.x has no underscore
     corridor_reference_point: (
         Annotated[CorridorReferencePoint, reads({"KINEMATICCENTER": "KINEMATIC_CENTER"})] | None
     ) = None
