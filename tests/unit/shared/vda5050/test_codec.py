@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from nena_shared.vda5050.action import ActionParameter, InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD
-from nena_shared.vda5050.malformed import PROBLEMS_SHOWN, MalformedMessageError
+from nena_shared.vda5050.malformed import PROBLEMS_SHOWN, REFERENCE_LENGTH, MalformedMessageError
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.v2_1 import CODEC
@@ -74,50 +74,38 @@ def test_timestamp_is_read_with_any_decimals_and_as_utc_without_zone(
 
 
 @pytest.mark.clause("7.2/timestamp")
-@pytest.mark.parametrize(
-    "written",
-    ["yesterday", "2026-01-01", "", 5, None, "0001-01-01T00:00:00+01:00", "9999-12-31T23:59:59-01:00"],
-)
-def test_invalid_time_is_refused(state: JsonObject, written: object) -> None:
-    assert refusal(State, state | {"timestamp": written}).problems[0].startswith("timestamp: ")
-
-
-@pytest.mark.clause("7.2/timestamp")
 def test_early_years_are_written_with_four_digits(state: JsonObject) -> None:
     message = read(State, state | {"timestamp": "0009-01-01T00:00:00.999Z"})
 
     assert json.loads(CODEC.encode(message))["timestamp"] == "0009-01-01T00:00:00.99Z"
 
 
-@pytest.mark.clause("7.1/types")
-@pytest.mark.parametrize("value", [True, "1", 1.0, -1, 2**32, None, [], 10**400])
-def test_order_update_id_is_an_integer_of_32_bits(order: JsonObject, value: object) -> None:
-    assert refusal(Order, order | {"orderUpdateId": value}).problems[0].startswith("orderUpdateId: ")
+REFUSED: dict[str, list[object]] = {
+    "timestamp": [
+        *("yesterday", "2026-01-01", "", 5, None),
+        *("0001-01-01T00:00:00+01:00", "9999-12-31T23:59:59-01:00"),
+    ],
+    "orderUpdateId": [True, "1", 1.0, -1, 2**32, None, [], 10**400],
+    "distanceSinceLastNode": [True, "1.5", float("nan"), float("inf"), -0.1, [], 10**400],
+    "driving": [0, 1, "true", None],
+    "operatingMode": ["automatic", "FLYING", 0, None],
+    "version": ["2", "2.1", "two", "2.1.0.0", 2.1, "2." + "1" * 40 + ".0"],
+}
 
 
-@pytest.mark.clause("7.1/types")
-@pytest.mark.parametrize("value", [True, "1.5", float("nan"), float("inf"), -0.1, [], 10**400])
-def test_distance_is_a_finite_number(state: JsonObject, value: object) -> None:
-    problem = refusal(State, state | {"distanceSinceLastNode": value}).problems[0]
-
-    assert problem.startswith("distanceSinceLastNode: ")
+@pytest.mark.clause("7.1/types", "7.2/timestamp")
+@pytest.mark.parametrize(
+    ("field", "value"), [(field, value) for field, values in REFUSED.items() for value in values]
+)
+def test_value_of_another_type_or_beyond_its_limits_is_refused(
+    state: JsonObject, field: str, value: object
+) -> None:
+    assert refusal(State, state | {field: value}).problems[0].startswith(f"{field}: ")
 
 
 @pytest.mark.clause("7.1/types")
 def test_an_integer_is_a_number(state: JsonObject) -> None:
     assert read(State, state | {"distanceSinceLastNode": 3}).distance_since_last_node == 3.0
-
-
-@pytest.mark.clause("7.1/types")
-@pytest.mark.parametrize("value", [0, 1, "true", None])
-def test_boolean_is_neither_number_nor_text(state: JsonObject, value: object) -> None:
-    assert refusal(State, state | {"driving": value}).problems[0].startswith("driving: ")
-
-
-@pytest.mark.clause("7.1/types")
-@pytest.mark.parametrize("value", ["automatic", "FLYING", 0, None])
-def test_an_unknown_word_of_a_closed_list_is_refused(state: JsonObject, value: object) -> None:
-    assert refusal(State, state | {"operatingMode": value}).problems[0].startswith("operatingMode: ")
 
 
 @pytest.mark.clause("7.1/unknown")
@@ -165,13 +153,14 @@ def test_action_parameter_without_a_value_is_refused(instant_action: JsonObject,
         b"",
         b"{",
         b"[]",
+        b"[1]",
         b"null",
         b'"order"',
         b"\xff\xfe",
         b"[" * 100_000,
         b'{"headerId":' + b"1" * 5000 + b"}",
     ],
-    ids=["empty", "cut off", "list", "null", "text", "no utf-8", "deep", "long number"],
+    ids=["empty", "cut off", "list", "list of one", "null", "text", "no utf-8", "deep", "long number"],
 )
 def test_malformed_message_is_refused_without_references(payload: bytes) -> None:
     error = refusal(Order, payload)
@@ -213,11 +202,6 @@ def test_an_older_minor_version_is_read_and_answered_in_our_own(order: JsonObjec
     assert json.loads(CODEC.encode(message))["version"] == "2.1.0"
 
 
-@pytest.mark.parametrize("version", ["2", "2.1", "two", "2.1.0.0", 2.1, "2." + "1" * 40 + ".0"])
-def test_a_version_has_three_short_numbers(order: JsonObject, version: object) -> None:
-    assert refusal(Order, order | {"version": version}).problems[0].startswith("version: ")
-
-
 @pytest.mark.clause("6.1.4.1")
 def test_refusal_contains_readable_references(order: JsonObject) -> None:
     order |= {"headerId": 12, "orderId": "o7", "orderUpdateId": 3, "nodes": "none"}
@@ -230,7 +214,7 @@ def test_refusal_contains_readable_references(order: JsonObject) -> None:
 
 
 def test_references_of_the_wrong_type_or_length_are_left_out(order: JsonObject) -> None:
-    order |= {"headerId": True, "orderId": ["o7"], "orderUpdateId": "9" * 2000, "nodes": 1}
+    order |= {"headerId": True, "orderId": ["o7"], "orderUpdateId": "9" * (REFERENCE_LENGTH + 1), "nodes": 1}
 
     assert refusal(Order, order).references == {}
 
