@@ -78,78 +78,55 @@ def test_row_written_during_the_check_is_no_problem() -> None:
     assert check(rows, last=mark(rows[3])) == []
 
 
-def changed(rows: Rows) -> None:
-    rows[2] = rows[2].model_copy(update={"user": "ben"})
+TAMPERED: dict[str, tuple[Callable[[Rows], Rows], str]] = {
+    "changed": (
+        lambda rows: [*rows[:2], rows[2].model_copy(update={"user": "ben"}), *rows[3:]],
+        "row 3 (withdraw by ben, 2026-01-01 00:00:03 UTC) does not have the hash",
+    ),
+    "emptied": (
+        lambda rows: [*rows[:2], rows[2].model_copy(update={"request": ""}), *rows[3:]],
+        "row 3 (withdraw by ann",
+    ),
+    "replaced": (
+        lambda rows: [*rows[:2], entry(3, rows[1].hash, user="ben"), *rows[3:]],
+        "row 4 (withdraw by ann",
+    ),
+    "removed": (lambda rows: rows[:2] + rows[3:], "row 3 is missing: row 4 follows row 2"),
+    "several removed": (lambda rows: rows[:1] + rows[4:], "rows 2 to 4 are missing: row 5 follows row 1"),
+    "inserted": (
+        lambda rows: [*rows[:2], entry(3, rows[1].hash, operation="resume"), *rows[2:]],
+        "row 3 is out of order: it follows row 3",
+    ),
+    "inserted and renumbered": (
+        lambda rows: [
+            *rows[:2],
+            entry(3, rows[1].hash),
+            *(row.model_copy(update={"sequence": row.sequence + 1}) for row in rows[2:]),
+        ],
+        "row 4 (withdraw by ann",
+    ),
+    "reordered": (
+        lambda rows: [*rows[:2], rows[3], rows[2], rows[4]],
+        "row 3 is missing: row 4 follows row 2",
+    ),
+    "renumbered": (
+        lambda rows: [
+            *rows[:2],
+            rows[3].model_copy(update={"sequence": 3}),
+            rows[2].model_copy(update={"sequence": 4}),
+            rows[4],
+        ],
+        "row 3 (withdraw by ann",
+    ),
+    "first removed": (lambda rows: rows[2:], "rows 1 to 2 are missing: row 3 follows row 0"),
+    "last removed": (lambda rows: rows[:4], "row 5 is missing: the trail ends with row 4"),
+}
 
 
-def emptied(rows: Rows) -> None:
-    rows[2] = rows[2].model_copy(update={"request": ""})
-
-
-def replaced(rows: Rows) -> None:
-    rows[2] = entry(3, rows[1].hash, user="ben")
-
-
-def removed(rows: Rows) -> None:
-    del rows[2]
-
-
-def several_removed(rows: Rows) -> None:
-    del rows[1:4]
-
-
-def inserted(rows: Rows) -> None:
-    rows.insert(2, entry(3, rows[1].hash, operation="resume"))
-
-
-def inserted_and_renumbered(rows: Rows) -> None:
-    rows[2:] = [
-        entry(3, rows[1].hash),
-        *(each.model_copy(update={"sequence": each.sequence + 1}) for each in rows[2:]),
-    ]
-
-
-def reordered(rows: Rows) -> None:
-    rows[2], rows[3] = rows[3], rows[2]
-
-
-def renumbered(rows: Rows) -> None:
-    rows[2], rows[3] = (
-        rows[3].model_copy(update={"sequence": 3}),
-        rows[2].model_copy(update={"sequence": 4}),
-    )
-
-
-def first_removed(rows: Rows) -> None:
-    del rows[:2]
-
-
-def last_removed(rows: Rows) -> None:
-    del rows[4]
-
-
-@pytest.mark.parametrize(
-    ("tamper", "first"),
-    [
-        (changed, "row 3 (withdraw by ben, 2026-01-01 00:00:03 UTC) does not have the hash"),
-        (emptied, "row 3 (withdraw by ann"),
-        (replaced, "row 4 (withdraw by ann"),
-        (removed, "row 3 is missing: row 4 follows row 2"),
-        (several_removed, "rows 2 to 4 are missing: row 5 follows row 1"),
-        (inserted, "row 3 is out of order: it follows row 3"),
-        (inserted_and_renumbered, "row 4 (withdraw by ann"),
-        (reordered, "row 3 is missing: row 4 follows row 2"),
-        (renumbered, "row 3 (withdraw by ann"),
-        (first_removed, "rows 1 to 2 are missing: row 3 follows row 0"),
-        (last_removed, "row 5 is missing: the trail ends with row 4"),
-    ],
-)
-def test_first_row_that_was_tampered_with_is_named(tamper: Callable[[Rows], None], first: str) -> None:
+@pytest.mark.parametrize(("tamper", "first"), TAMPERED.values(), ids=TAMPERED)
+def test_first_row_that_was_tampered_with_is_named(tamper: Callable[[Rows], Rows], first: str) -> None:
     rows = trail(5)
-    last = mark(rows[-1])
-    tamper(rows)
-    found = check(rows, last=last)
-    assert found[0].startswith(first)
+    assert check(tamper(rows), last=mark(rows[-1]))[0].startswith(first)
 
 
 def test_last_row_with_a_new_hash_is_found() -> None:
