@@ -127,6 +127,7 @@ class Energy:
         ``fully``: a charging vehicle continues until it is fully recharged, not just sufficiently. The text
         stays the same while the energy changes.
         """
+        # As in openTCS: a charging vehicle goes on until it has enough, so that it does not come back soon.
         levels = self.thresholds
         if self.charging and not self.has_recharged(fully=fully):
             until = levels.fully_recharged if fully else max(levels.sufficiently_recharged, levels.critical)

@@ -505,6 +505,7 @@ class _Decision:
 
     @cached_property
     def _visits(self) -> Mapping[str | None, int]:
+        # Counted at most once for a decision, and only where stations can be crowded.
         return self._knowledge.outstanding_visits()
 
     def let_vehicles_choose(self, orders: Sequence[TransportOrder]) -> None:
@@ -645,6 +646,7 @@ class _Decision:
         if soon and order.number not in self._kept:
             later = [vehicle for vehicle in soon if not self.fleet.why_not(order, vehicle)]
             pairs = sorted([*pairs, *self._best_pairs(order, later, size)], key=self._rank)
+        # Queues before stations on aisles block everyone else (decision 0038). One order alone is not spread.
         crowding = self._settings.crowding if size > 1 else 0.0
         visits = sum(self._visits.get(stop.location_name, 0) for stop in stops_of(order)) if crowding else 0
         return _Choices(pairs[:size], offer.takers, self._key, crowding * visits)
@@ -674,6 +676,7 @@ class _Decision:
 
     def _note_reason(self, order: TransportOrder) -> None:
         """Note why an order waits: no vehicle takes it, or those that do have no route."""
+        # Orders of a kind share their reason: with hundreds waiting, working it out for each is too slow.
         key: int | OrderKind = order.number
         if order.number not in self._kept:
             key = self._knowledge.kind_of(order)
@@ -694,6 +697,7 @@ def why_no_vehicle(intended: str | None, wait_reasons: Collection[Reason | None]
         return Reason(R.WAITS_FOR_VEHICLE, why, vehicle=intended)
     if not wait_reasons:
         return Reason(R.NO_VEHICLES)
+    # Each reason once: a text that names every vehicle would grow with the fleet and change all the time.
     kinds = sorted({reason for reason in wait_reasons if reason}, key=str)
     more = [Reason(R.SOMETHING_ELSE)] if len(kinds) > KINDS_NAMED else []
     return Reason(R.WAITS_FOR_ANY_VEHICLE, *kinds[:KINDS_NAMED], *more)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 from math import inf
 
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
-from nena_shared.plant import Location, PlantModel, Point, Vehicle
+from nena_shared.plant import PlantModel, Point, Vehicle
 from nena_shared.plant.property_keys import (
     ASSIGNED_PARKING_POSITION,
     ASSIGNED_RECHARGE_LOCATION,
@@ -78,6 +78,7 @@ class ParkingPositions:
         """Return the best position for a vehicle at the point ``here``; None: the vehicle is on no point."""
         properties = model.properties if model else {}
         if assigned := properties.get(ASSIGNED_PARKING_POSITION):
+            # openTCS: a vehicle with an assigned position parks nowhere else.
             return self._assign_position(assigned, here, prospect)
         parked = here in self._positions
         if parked and not self._repark:
@@ -87,7 +88,13 @@ class ParkingPositions:
             return PARKED
         if not parked and preferred in self._points and not prospect.why_not(preferred):
             return Parking(preferred)
-        free = sorted(self._free_positions(prospect))
+        reachable = (
+            (self._rank_of(name), prospect.cost(name), name)
+            for name in self._positions
+            if not prospect.taken(name)
+        )
+        free = sorted(position for position in reachable if position[1] < inf)
+        # A parked vehicle moves for a better priority only: for a nearer position it would move for nothing.
         if parked:
             better = _best_position(
                 [position for position in free if position[0] < self._rank_of(here or "")], prospect
@@ -101,12 +108,6 @@ class ParkingPositions:
             return PARKED
         why_not = prospect.why_not(point) if point in self._points else Reason(R.NO_POINT)
         return Parking(reason=Reason(R.ASSIGNED_PARKING, why_not, point=point)) if why_not else Parking(point)
-
-    def _free_positions(self, prospect: Prospect) -> Iterator[_Ranked]:
-        for name in self._positions:
-            costs = inf if prospect.taken(name) else prospect.cost(name)
-            if costs < inf:
-                yield self._rank_of(name), costs, name
 
     def _rank_of(self, name: str) -> float:
         return self._positions.get(name, inf) if self._priorities else 0.0
@@ -132,6 +133,7 @@ def _best_position(free: Sequence[_Ranked], prospect: Prospect) -> _Ranked | Non
 
 def _priority_of(point: Point) -> float:
     """Return the priority of a position; those without one come last."""
+    # openTCS: tcs:parkingPositionPriority is a decimal integer, and a smaller one is preferred.
     try:
         return float(int(point.properties[PARKING_POSITION_PRIORITY]))
     except (KeyError, ValueError):
@@ -199,23 +201,18 @@ class RechargeLocations:
     def _recharge_places(
         self, model: Vehicle | None, assigned: str | None, cost: Callable[[str], float]
     ) -> Iterator[_Place]:
+        # A vehicle that names its own operation uses no other: those of the settings may not fit its charger.
+        own = model.properties.get(VDA5050_RECHARGE_OPERATION) if model else None
         for location in self._plant.locations:
             if location.locked or assigned not in (None, location.name):
                 continue
-            for operation in self._recharge_operations(model, location)[:1]:
+            links = location.links
+            possible = chain.from_iterable(self._plant.link_operations(location, link) for link in links)
+            suitable = (name for name in possible if (name == own if own else self._recharges(name)))
+            for operation in islice(suitable, 1):
                 for point in self._plant.access_points(location.name, operation):
                     if (costs := cost(point)) < inf:
                         yield _Place(costs, location.name, operation, point)
-
-    def _recharge_operations(self, model: Vehicle | None, location: Location) -> Sequence[str]:
-        """Return the operations by which the vehicle recharges at a location."""
-        own = model.properties.get(VDA5050_RECHARGE_OPERATION) if model else None
-        possible = dict.fromkeys(
-            operation for link in location.links for operation in self._plant.link_operations(location, link)
-        )
-        return [
-            operation for operation in possible if (operation == own if own else self._recharges(operation))
-        ]
 
 
 def _why_none(assigned: str | None) -> Reason:

@@ -93,7 +93,10 @@ class VehicleRegistry:
         profile = RobotProfile(
             map_id=self._default_map_id, transforms=self._transforms, max_distance_m=self._max_distance_m
         )
-        return self._add_vehicle(FleetVehicle(self._free_name(key), key, profile, None, obstacle))
+        # VDA 5050: a serial number is unique only with its manufacturer; hosts know one name for both.
+        is_taken = key.serial_number in self._by_name
+        name = f"{key.manufacturer}-{key.serial_number}" if is_taken else key.serial_number
+        return self._add_vehicle(FleetVehicle(name, key, profile, None, obstacle))
 
     def learn_map(self, vehicle: FleetVehicle, map_id: str) -> FleetVehicle:
         """Put a vehicle without a configured map on the one that its robot reports."""
@@ -103,6 +106,7 @@ class VehicleRegistry:
 
     def learn_frame(self, vehicle: FleetVehicle, *, transforms_itself: bool) -> None:
         """Note from a robot's factsheet whether it uses the plant's frame."""
+        # The plant's transform must not be applied twice: such a robot reports and expects the plant's frame.
         if vehicle.profile.transforms_itself is not transforms_itself:
             self._add_vehicle(
                 replace(vehicle, profile=replace(vehicle.profile, transforms_itself=transforms_itself))
@@ -126,10 +130,6 @@ class VehicleRegistry:
             self.map_ids.add(vehicle.profile.map_id)
         return vehicle
 
-    def _free_name(self, key: RobotKey) -> str:
-        taken = key.serial_number in self._by_name
-        return f"{key.manufacturer}-{key.serial_number}" if taken else key.serial_number
-
 
 DEFAULT_MANUFACTURER = "NeNa"
 
@@ -150,6 +150,7 @@ def robot_maps(state: State) -> tuple[RobotMap, ...] | None:
 
 def why_not_on(map_id: str, state: State) -> Reason | None:
     """Return, as a predicate, why a robot cannot drive on a map; None if it can, or reports no maps."""
+    # VDA 5050 2.1: maps are optional in the state; a robot that reports none is not held to them.
     if not state.maps or not map_id:
         return None
     versions = [robot_map for robot_map in state.maps if robot_map.map_id == map_id]
