@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError
 from starlette.types import ASGIApp
 
-from nena_order_service.api.audit import recorder
+from nena_order_service.api.audit import current_recorder
 from nena_order_service.engine.plant_change import conflicts
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
 from nena_order_service.extension import EditPlant, Extension
@@ -51,7 +51,7 @@ class _RequestedChange:
     model: PlantModel | EditPlant
     done: asyncio.Future[None]
     check_only: bool
-    record: Callable[[Changes], None] = field(default_factory=recorder)
+    record: Callable[[Changes], None] = field(default_factory=current_recorder)
     """Adds the request to the audit trail, with the change."""
 
 

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Final, Protocol
 
 from pydantic import BaseModel
@@ -77,7 +76,7 @@ def record_current(changes: Changes) -> None:
         current.committing(changes)
 
 
-def recorder() -> Callable[[Changes], None]:
+def current_recorder() -> Callable[[Changes], None]:
     """Return :func:`record_current` for another task, which executes the current request."""
     current = _CURRENT.get()
     return (lambda _: None) if current is None else current.committing
@@ -132,7 +131,7 @@ class Trail:
         self.listeners: list[RequestListener] = []
 
     @contextmanager
-    def recorded(self, asked: ChangingRequest) -> Iterator[OpenRequest]:
+    def record_request(self, asked: ChangingRequest) -> Iterator[OpenRequest]:
         """Execute a request in this context, which tells the listeners how it ends."""
         request = OpenRequest(asked, self.listeners)
         for listener in self.listeners:
@@ -143,7 +142,7 @@ class Trail:
         except FORESEEN as error:
             request.end(AuditResult.REFUSED, _reason_of(error))
             raise
-        except asyncio.CancelledError:
+        except asyncio.CancelledError:  # no Exception: the trail would keep the request as open
             request.end(AuditResult.FAILED, INTERRUPTED)
             raise
         except Exception as error:
@@ -163,16 +162,18 @@ def _reason_of(error: Exception) -> str:
     return "; ".join(problem.errors) or problem.detail
 
 
-def body_of_model(request: BaseModel | None) -> Callable[[], str]:
+def serialiser_of(request: BaseModel | None) -> Callable[[], str]:
     """Return a function that serialises a request's fields as sent by its client."""
-    return str if request is None else partial(_serialise_request, request)
+
+    def serialise() -> str:
+        if request is None:
+            return ""
+        return to_masked_json(request.model_dump(mode="json", by_alias=True, exclude_unset=True))
+
+    return serialise
 
 
-def _serialise_request(request: BaseModel) -> str:
-    return masked(request.model_dump(mode="json", by_alias=True, exclude_unset=True))
-
-
-def masked(content: Any) -> str:  # noqa: ANN401 - of JSON
+def to_masked_json(content: Any) -> str:  # noqa: ANN401 - of JSON
     """Return content as JSON, without the values of secrets."""
     return json.dumps(_mask_secrets(content), ensure_ascii=False, separators=(",", ":"))
 
@@ -180,12 +181,13 @@ def masked(content: Any) -> str:  # noqa: ANN401 - of JSON
 def _mask_secrets(content: Any) -> Any:  # noqa: ANN401 - of JSON
     if isinstance(content, dict):
         key = content.get("key", content.get("name"))
-        named = isinstance(key, str) and SECRET.search(key) is not None
+        # Properties and action parameters are pairs of "key" (or "name") and "value".
+        is_secret = isinstance(key, str) and SECRET.search(key) is not None
         return {
-            name: MASK if SECRET.search(name) or (named and name == "value") else _mask_secrets(value)
+            name: MASK if SECRET.search(name) or (is_secret and name == "value") else _mask_secrets(value)
             for name, value in content.items()
         }
-    return [_mask_secrets(each) for each in content] if isinstance(content, list) else content
+    return [_mask_secrets(item) for item in content] if isinstance(content, list) else content
 
 
 def origin_of(http: HTTPConnection, interface: AuditInterface) -> Origin:
@@ -195,6 +197,6 @@ def origin_of(http: HTTPConnection, interface: AuditInterface) -> Origin:
     return Origin(interface, user.known_as if user else ANONYMOUS, client)
 
 
-def kind_of(path: str) -> str:
+def kind_of_path(path: str) -> str:
     """Return the kind of the objects below a path of the API: ``vehicle`` for ``/v1/vehicles/{name}``."""
     return path.split("/")[2].removesuffix("s")

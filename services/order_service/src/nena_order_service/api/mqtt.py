@@ -202,7 +202,9 @@ class MqttApi:
             self._refuse_message(host, name, message, problem)
             return
         if operation is None:
-            self._refuse_message(host, name, message, _unknown_command(name))
+            detail = f"Unknown command {name!r}. Use one of {', '.join(COMMANDS)}."
+            problem = Problem(title="Unknown command", status=HTTPStatus.NOT_FOUND, detail=detail)
+            self._refuse_message(host, name, message, problem)
             return
         command = read_request(message, COMMANDS[name], max_body=self._max_body)
         if isinstance(command, Problem):
@@ -221,10 +223,10 @@ class MqttApi:
             if not isinstance(error, FORESEEN):
                 log.exception("command failed", host=host, command=operation.name)
             problem = problem_of(error)
-            found: dict[str, Any] = {"status": problem.status, "problem": problem}
+            fields: dict[str, Any] = {"status": problem.status, "problem": problem}
         else:
-            found = {"status": reply.status, operation.result: reply.body}
-        answer = CommandAnswer(request_id=command.request_id, **found)
+            fields = {"status": reply.status, operation.result: reply.body}
+        answer = CommandAnswer(request_id=command.request_id, **fields)
         self._publish_answer(topic, answer)
 
     def _refuse_message(self, host: str, name: str, message: Inbound, problem: Problem) -> None:
@@ -247,12 +249,6 @@ def _make_call(operation: Operation[Any], command: Command, host: str) -> Call[A
         None if version is None else ETag.of(version),
         Origin(AuditInterface.MQTT, host),
     )
-
-
-def _unknown_command(name: str) -> Problem:
-    known = ", ".join(COMMANDS)
-    detail = f"Unknown command {name!r}. Use one of {known}."
-    return Problem(title="Unknown command", status=HTTPStatus.NOT_FOUND, detail=detail)
 
 
 def read_request(message: Inbound, model: type[M], *, max_body: int) -> M | Problem:

@@ -14,7 +14,7 @@ from starlette.exceptions import HTTPException
 
 from nena_order_service.api import problems
 from nena_order_service.api.audit import origin_of
-from nena_order_service.api.operations import Call, ETag, Handler, HostOperations, Reply
+from nena_order_service.api.operations import Call, ETag, HostOperations, Reply
 from nena_shared.fleet_api.audit import AuditInterface
 from nena_shared.fleet_api.operations.operation import Operation
 from nena_shared.fleet_api.refusals import Refusal, by_status
@@ -58,6 +58,15 @@ def add_operation(app: FastAPI, operations: HostOperations, operation: Operation
     successes: dict[int | str, dict[str, Any]] = {
         int(also): {"model": operation.answer, "description": text} for also, text in operation.also.items()
     }
+
+    def describe_example(example: object) -> dict[str, Any]:
+        return {"content": {"application/json": {"example": example}}}
+
+    handler, examples = operations.handlers[operation.name], dict[str, Any]()
+    if handler.body:
+        examples["requestBody"] = describe_example(handler.body)
+    if handler.answer:
+        examples["responses"] = {str(int(status)): describe_example(handler.answer)}
     app.add_api_route(
         operation.path,
         endpoint,
@@ -69,18 +78,8 @@ def add_operation(app: FastAPI, operations: HostOperations, operation: Operation
         status_code=status,
         response_model=operation.answer,
         responses=successes | refusals_of(operation.refusals),
-        openapi_extra=_examples_of(operations.handlers[operation.name], status),
+        openapi_extra=examples,
     )
-
-
-def _examples_of(handler: Handler, status: int) -> dict[str, Any]:
-    """Return the examples of an operation, as parts of its description; ``status``: of its answer."""
-
-    def content(example: object) -> dict[str, Any]:
-        return {"content": {"application/json": {"example": example}}}
-
-    body = {"requestBody": content(handler.body)} if handler.body else {}
-    return body | ({"responses": {str(status): content(handler.answer)}} if handler.answer else {})
 
 
 def _parameters_of(operation: Operation[Any]) -> Iterator[Parameter]:
@@ -135,8 +134,10 @@ def _make_call(operation: Operation[Any], http: Request, values: dict[str, Any])
         request = operation.request()
     if key and request is not None and request.idempotency_key is None:
         request = request.model_copy(update={"idempotency_key": key})
-    if trace := _trace_of(http):
-        request = _with_trace(request, trace)
+    # Later versions may only be longer; they begin like version 00 (W3C Trace Context, sections 3.2 and 4.3).
+    # An invalid trace is ignored: it must not keep an order from being created.
+    if trace := TRACEPARENT_HEADER.match(http.headers.get("traceparent", "")):
+        request = _with_trace(request, f"00{trace[1]}")
     user = user_of(http.scope)
     caller = user.known_as[:BY_LIMIT] if user else SOMEBODY  # an issuer's long subject is cut
     seen = None if version is None else ETag(version)
@@ -154,15 +155,6 @@ def _with_trace(request: Any, trace: str) -> Any:  # noqa: ANN401 - the body of 
             )
         case _:
             return request
-
-
-def _trace_of(http: Request) -> str | None:
-    """Return the header ``traceparent`` in version 00; None without a valid one, which is ignored.
-
-    Only later versions may be longer; they begin like version 00 (W3C Trace Context, sections 3.2 and 4.3).
-    """
-    found = TRACEPARENT_HEADER.match(http.headers.get("traceparent", ""))
-    return f"00{found[1]}" if found else None
 
 
 def _make_response(operation: Operation[Any], reply: Reply, if_none_match: str | None) -> Response:

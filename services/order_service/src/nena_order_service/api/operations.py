@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 from http import HTTPStatus
 from inspect import isawaitable, signature
 from itertools import islice
@@ -22,9 +23,9 @@ from nena_order_service.api.audit import (
     OpenRequest,
     Origin,
     Trail,
-    body_of_model,
-    kind_of,
-    masked,
+    kind_of_path,
+    serialiser_of,
+    to_masked_json,
 )
 from nena_shared.fleet_api.audit import AuditInterface
 from nena_shared.fleet_api.operations.fleet import STOP
@@ -65,8 +66,9 @@ class ETag:
 
     def fits(self, version: int) -> bool:
         """Return whether this version is among the named ones."""
-        named = {part.strip().removeprefix("W/") for part in self.value.split(",")}
-        return bool(named & {ANY, f'"{version}"'})
+        # Proxies that compress an answer, such as nginx, make its tag a weak one (W/).
+        tags = {part.strip().removeprefix("W/") for part in self.value.split(",")}
+        return bool(tags & {ANY, f'"{version}"'})
 
     def __str__(self) -> str:
         return self.value
@@ -121,42 +123,62 @@ class HostOperations:
     def __init__(self, trail: Trail, handlers: Iterable[Handler]) -> None:
         self.trail = trail
         self.handlers = {handler.operation.name: handler for handler in handlers}
-        self._needs = {
-            name: tuple(signature(each.execute).parameters) for name, each in self.handlers.items()
+        # Inspected once, not at each request.
+        self._parameters = {
+            name: tuple(signature(handler.execute).parameters) for name, handler in self.handlers.items()
         }
 
     async def execute(self, operation: Operation[Any], call: Call[Any]) -> Reply:
         """Execute an operation; raises the errors in :mod:`nena_order_service.errors`."""
-        values = {name: getattr(call, name) for name in self._needs[operation.name]}
-        reads = operation.method == "GET"
+        handler = self.handlers[operation.name]
+        values = {name: getattr(call, name) for name in self._parameters[operation.name]}
         recording: AbstractContextManager[OpenRequest | None] = (
-            nullcontext() if reads else self.trail.recorded(self._changing_request(operation, call))
+            nullcontext()
+            if operation.method == "GET"
+            else self.trail.record_request(_changing_request(operation, call, handler.state))
         )
-        with recording as recorded:
-            answer = self.handlers[operation.name].execute(**values)
+        with recording as request:
+            answer = handler.execute(**values)
             if isawaitable(answer):
                 answer = await answer
-            reply = _make_reply(operation, answer)
-            if recorded:
-                recorded.name = recorded.name or getattr(reply.body, "name", "")
-                recorded.after = _outcome_of(reply.body)
+            if isinstance(answer, Reply):
+                reply = answer
+            elif isinstance(answer, tuple):
+                body, new = answer
+                reply = Reply(body, status_for(new=new))
+            else:
+                reply = Reply(answer, status_for(new=bool(operation.creates)))
+            if request:
+                # The order service may have made the name, and a batch has none.
+                request.name = request.name or getattr(reply.body, "name", "")
+                request.after = _outcome_of(reply.body)
             return reply
 
-    def _changing_request(self, operation: Operation[Any], call: Call[Any]) -> ChangingRequest:
-        """Return what the audit trail records of a request."""
-        is_batch = operation is CREATE_ORDERS
-        creates = operation.creates or (operation.path if is_batch or operation is STOP else "")
-        return ChangingRequest(
-            origin=call.origin,
-            operation=operation.name,
-            kind=kind_of(operation.path),
-            name=call.request.zone_set_id if operation is PUT_ZONE_SET else call.name,
-            body=_size_of_batch(call.request) if is_batch else body_of_model(call.request),
-            creates=kind_of(creates) if creates else "",
-            creates_many=is_batch,
-            joins=operation is not INSTANT_ACTION,
-            state=self.handlers[operation.name].state,
-        )
+
+def _changing_request(
+    operation: Operation[Any], call: Call[Any], state: DescribeObject | None
+) -> ChangingRequest:
+    """Return what the audit trail records of a request."""
+    is_batch = operation is CREATE_ORDERS
+    body = serialiser_of(call.request)
+    if is_batch:
+        batch: TransportOrderBatch = call.request
+        # Only the size: each order of the batch is recorded with its own change.
+        size = {"transportOrders": len(batch.transport_orders), "checkOnly": batch.check_only}
+        body = partial(to_masked_json, size)
+    creates = operation.creates or (operation.path if is_batch or operation is STOP else "")
+    return ChangingRequest(
+        origin=call.origin,
+        operation=operation.name,
+        kind=kind_of_path(operation.path),
+        name=call.request.zone_set_id if operation is PUT_ZONE_SET else call.name,
+        body=body,
+        creates=kind_of_path(creates) if creates else "",
+        creates_many=is_batch,
+        # What an instant action has done is known only when the robot answers.
+        joins=operation is not INSTANT_ACTION,
+        state=state,
+    )
 
 
 def page_of(objects: Iterable[N], limit: int | None) -> tuple[tuple[N, ...], str | None]:
@@ -167,30 +189,16 @@ def page_of(objects: Iterable[N], limit: int | None) -> tuple[tuple[N, ...], str
     return page[:limit], page[limit - 1].name
 
 
-def created(*, new: bool) -> HTTPStatus:
+def status_for(*, new: bool) -> HTTPStatus:
     """Return the status of an answer with an object that the request, or the same one before, has created."""
     return HTTPStatus.CREATED if new else HTTPStatus.OK
-
-
-def _make_reply(operation: Operation[Any], answer: Any) -> Reply:  # noqa: ANN401 - see Handler.execute
-    if isinstance(answer, Reply):
-        return answer
-    if isinstance(answer, tuple):
-        body, new = answer
-        return Reply(body, created(new=new))
-    return Reply(answer, created(new=bool(operation.creates)))
-
-
-def _size_of_batch(batch: TransportOrderBatch) -> Callable[[], str]:
-    content = {"transportOrders": len(batch.transport_orders), "checkOnly": batch.check_only}
-    return lambda: masked(content)
 
 
 def _outcome_of(body: BaseModel | bytes) -> str:
     """Return the outcome of requests that end without a change of an object; empty for others."""
     if isinstance(body, InstantActionAnswer):
-        return masked({"actionId": body.action_id, "status": body.status})
+        return to_masked_json({"actionId": body.action_id, "status": body.status})
     if isinstance(body, TransportOrderBatchAnswer):
         statuses = Counter(result.status for result in body.results)
-        return masked({str(status): count for status, count in sorted(statuses.items())})
+        return to_masked_json({str(status): count for status, count in sorted(statuses.items())})
     return ""

@@ -9,7 +9,7 @@ from typing import Final
 from pydantic_core import to_json
 
 from nena_order_service import errors
-from nena_order_service.api.operations import ETag, Handler, Reply, created
+from nena_order_service.api.operations import ETag, Handler, Reply, status_for
 from nena_order_service.api.problems import problem_of
 from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.robot import RobotView, VdaOrderPhase
@@ -150,7 +150,7 @@ class OrderOperations:
             return CreationAnswer(status=problem.status, name=name, idempotency_key=key, problem=problem)
         order, new = outcome
         return CreationAnswer(
-            status=created(new=new),
+            status=status_for(new=new),
             name=order.name if order else name,
             idempotency_key=key,
             transport_order=self._visible_status(order) if order else None,

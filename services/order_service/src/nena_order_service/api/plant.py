@@ -6,12 +6,12 @@ import asyncio
 import hashlib
 from collections import defaultdict
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Annotated, Any, Final, TypeVar
 
 from fastapi import APIRouter, Query, Request, Response
 
-from nena_order_service.api.audit import ChangingRequest, OpenRequest, Trail, masked, origin_of
+from nena_order_service.api.audit import ChangingRequest, OpenRequest, Trail, origin_of, to_masked_json
 from nena_order_service.api.operation_routes import known_query, refusals_of
 from nena_order_service.api.operations import Handler, page_of
 from nena_order_service.engine.engine import Engine
@@ -262,12 +262,15 @@ def plant_model_router(plant_json: bytes, change: ChangePlant | None, trail: Tra
         body = await request.body()
         if check:
             return await _replace_plant(change, body, None)
-        body_digest = partial(_digest_of, body)
         origin = origin_of(request, AuditInterface.REST)
-        with trail.recorded(
-            ChangingRequest(origin, CHANGE_PLANT.name, "plantModel", "", body_digest)
-        ) as asked:
-            return await _replace_plant(change, body, asked)
+
+        def describe_body() -> str:
+            # A plant model has megabytes: its digest proves which one it was.
+            return to_masked_json({"bytes": len(body), "sha256": hashlib.sha256(body).hexdigest()})
+
+        asked = ChangingRequest(origin, CHANGE_PLANT.name, "plantModel", "", describe_body)
+        with trail.record_request(asked) as open_request:
+            return await _replace_plant(change, body, open_request)
 
     return router
 
@@ -288,10 +291,6 @@ async def _replace_plant(change: ChangePlant, body: bytes, asked: OpenRequest | 
     )
     if asked:
         asked.name = model.name
-        asked.after = masked({"name": model.name, "points": found.points, "paths": found.paths})
+        asked.after = to_masked_json({"name": model.name, "points": found.points, "paths": found.paths})
     await change(model, check_only=asked is None)
     return Response(found.model_dump_json(by_alias=True), media_type="application/json")
-
-
-def _digest_of(body: bytes) -> str:
-    return masked({"bytes": len(body), "sha256": hashlib.sha256(body).hexdigest()})

@@ -25,7 +25,14 @@ FORESEEN: tuple[type[Exception], ...] = (InvalidRequestError, RefusedError)
 def problem_of(error: Exception) -> Problem:
     """Return the problem for an error; an unexpected error reveals no internals."""
     if isinstance(error, InvalidRequestError):
-        return _invalid_problem(error)
+        refusal = Refusal.UNKNOWN_IN_PLANT if error.only_unknown else Refusal.NOT_IN_PLANT
+        return Problem(
+            type=refusal.uri,
+            title="Not possible in this plant",
+            status=refusal.status,
+            detail="The request does not fit the plant model; nothing was created. Fix what errors lists.",
+            errors=tuple(str(finding.text) for finding in error.findings),
+        )
     if not isinstance(error, RefusedError):
         return Problem(
             type=MalformedRequest.INTERNAL_ERROR.uri,
@@ -36,17 +43,6 @@ def problem_of(error: Exception) -> Problem:
     refusal, problems = error.refusal, getattr(error, "problems", ())
     status = refusal.status
     return Problem(type=refusal.uri, title=status.phrase, status=status, detail=str(error), errors=problems)
-
-
-def _invalid_problem(error: InvalidRequestError) -> Problem:
-    refusal = Refusal.UNKNOWN_IN_PLANT if error.only_unknown else Refusal.NOT_IN_PLANT
-    return Problem(
-        type=refusal.uri,
-        title="Not possible in this plant",
-        status=refusal.status,
-        detail="The request does not fit the plant model; nothing was created. Fix what errors lists.",
-        errors=tuple(str(finding.text) for finding in error.findings),
-    )
 
 
 def response_to(request: Request, error: Exception) -> Response:
@@ -71,28 +67,28 @@ def install(app: FastAPI) -> None:
 
 
 def _problem_of_validation(request: Request, error: RequestValidationError) -> Problem:
-    found = error.errors()
+    findings = error.errors()
     content_type = request.headers.get("content-type", "no content type")
-    if "json" not in content_type and any(item["loc"][0] == "body" for item in found):
+    if "json" not in content_type and any(item["loc"][0] == "body" for item in findings):
         return Problem(
             title="Not JSON",
             status=HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
             detail=f"The body is {content_type}. Send a JSON object with Content-Type: application/json.",
         )
-    if any(item["type"] == "json_invalid" for item in found):
+    if any(item["type"] == "json_invalid" for item in findings):
         return Problem(
             type=MalformedRequest.NOT_JSON.uri,
             title="Not JSON",
             status=HTTPStatus.BAD_REQUEST,
             detail="The body is not JSON. Send a JSON object with Content-Type: application/json.",
-            errors=tuple(str(item.get("ctx", {}).get("error", item["msg"])) for item in found),
+            errors=tuple(str(item.get("ctx", {}).get("error", item["msg"])) for item in findings),
         )
     return Problem(
         type=MalformedRequest.INVALID_REQUEST.uri,
         title="Request does not fit",
         status=HTTPStatus.UNPROCESSABLE_ENTITY,
         detail="The request is malformed. Fix the problems listed in errors; see /docs.",
-        errors=tuple(in_words(found, whole="body", root="body", most=FINDINGS_SHOWN)),
+        errors=tuple(in_words(findings, whole="body", root="body", most=FINDINGS_SHOWN)),
     )
 
 

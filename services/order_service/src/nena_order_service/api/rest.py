@@ -111,15 +111,15 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
         redoc_url=None,
     )
     larger = {
-        f"{prefix}{each.path}": each.max_body
-        for each in GUARDED
-        if each.max_body is not None
+        f"{prefix}{operation.path}": operation.max_body
+        for operation in GUARDED
+        if operation.max_body is not None
         for prefix in ("", *service.mounted)
     }
     app.add_middleware(BodyLimit, limit=service.max_body, larger=larger)
     problems.install(app)
-    for each in in_order(operations):
-        add_operation(app, operations, each)
+    for operation in iterate_operations(operations):
+        add_operation(app, operations, operation)
     for router in service.routers:
         app.include_router(router)
     app.include_router(_event_routes(stream))
@@ -127,13 +127,16 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
     app.include_router(_probe_routes(service))
     app.include_router(documentation())
     for path, other in service.mounted.items():
-        app.router.routes.append(_mount_app(path, other))
+        mount = Mount(path, other)
+        # Starlette's pattern excludes names with line breaks, which would get an answer in another form.
+        mount.path_regex = re.compile(mount.path_regex.pattern, re.DOTALL)
+        app.router.routes.append(mount)
     describe_problems(app)
     describe_login(app)
     return app
 
 
-def in_order(operations: HostOperations) -> Iterator[Operation[Any]]:
+def iterate_operations(operations: HostOperations) -> Iterator[Operation[Any]]:
     """Yield the operations with a handler: those of the table, then other ones of extensions.
 
     Raises:
@@ -259,10 +262,3 @@ def _probe_routes(service: Service) -> APIRouter:
         return Response(readiness.model_dump_json(by_alias=True), status, media_type="application/json")
 
     return router
-
-
-def _mount_app(path: str, app: ASGIApp) -> Mount:
-    mount = Mount(path, app)
-    # Starlette's pattern excludes names with line breaks, which would get an answer in another form.
-    mount.path_regex = re.compile(mount.path_regex.pattern, re.DOTALL)
-    return mount

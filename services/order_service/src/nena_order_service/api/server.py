@@ -43,15 +43,6 @@ def accept_access_key(scope: Scope) -> None:
         scope["headers"] = [*scope["headers"], (b"authorization", f"Bearer {key}".encode("latin-1"))]
 
 
-def changes_for_page(scope: Scope) -> bool:
-    """Return whether a web page requests a change, as shown by the browser's ``Origin``.
-
-    Any page that is open in a browser can send requests here: simple ones to any address, and all others to a
-    host name that resolves to this address (DNS rebinding). Only a token distinguishes users from pages.
-    """
-    return scope["method"] not in READING and "origin" in Headers(scope=scope)
-
-
 RETRY_AFTER = "1"
 """Value of Retry-After, seconds; a takeover takes several."""
 
@@ -80,20 +71,16 @@ def make_standby_app(active_url: Callable[[], str], problem: Callable[[], str]) 
         )
 
     def refer(request: Request) -> Response:
-        raw: bytes = request.scope["raw_path"]  # unchanged: headers do not allow all characters of names
-        return _refer_to(active_url(), raw.decode("ascii"))
+        url, headers = active_url(), dict[str, str]()
+        where = "The active order service is not known yet. Retry in a moment"
+        if url:
+            raw: bytes = request.scope["raw_path"]  # unchanged: headers do not allow all characters of names
+            active_path = f"{url}{raw.decode('ascii')}"
+            where = f"Send the request to the active order service: {active_path}"
+            headers["Link"] = f'<{active_path}>; rel="alternate"'
+        return _retry_response("Standing by", f"This order service is a standby. {where}.", headers)
 
     return _make_waiting_app(readiness, refer)
-
-
-def _refer_to(active_url: str, path: str) -> Response:
-    where = (
-        f"Send the request to the active order service: {active_url}{path}"
-        if active_url
-        else "The active order service is not known yet. Retry in a moment"
-    )
-    links = {"Link": f'<{active_url}{path}>; rel="alternate"'} if active_url else {}
-    return _retry_response("Standing by", f"This order service is a standby. {where}.", links)
 
 
 def make_starting_app(problem: Callable[[], str]) -> FastAPI:
@@ -186,7 +173,11 @@ class RestServer:
 
     async def _answer_request(self, scope: Scope, receive: Receive, send: Send) -> None:
         accept_access_key(scope)
-        if not self._has_users and changes_for_page(scope):
+        # Any page that is open in a browser can send requests here: simple ones to any address, and all
+        # others to a host name that resolves to this address (DNS rebinding). Browsers show it by "Origin";
+        # only a token distinguishes users from pages.
+        changes_for_page = scope["method"] not in READING and "origin" in Headers(scope=scope)
+        if changes_for_page and not self._has_users:
             await refusal(HTTPStatus.FORBIDDEN, DETAIL)(scope, receive, send)
         else:
             await self._guard(scope, receive, send)

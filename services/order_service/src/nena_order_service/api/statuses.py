@@ -102,31 +102,31 @@ class StatusPublisher:
         """
         yield Outbound(self.topics.plant_model, self._plant_json, retain=True)
         for vehicle in tuple(self._engine.registry):
-            yield self._of_vehicle(self._engine.reporter.vehicle_status(vehicle))
+            yield self._vehicle_message(self._engine.reporter.vehicle_status(vehicle))
         for location in self._engine.peripherals.operations:
-            yield self._of_peripheral(location)
+            yield self._peripheral_message(location)
         for sequence in tuple(self._engine.state.sequences.unfinished()):
-            yield self._of_sequence(sequence.status)
+            yield self._sequence_message(sequence.status)
         for order in tuple(self._engine.state.orders.unfinished()):
-            yield self._of_order(order.status)
+            yield self._order_message(order.status)
         for status in self._ended.statuses():
-            yield self._of_order(status)
+            yield self._order_message(status)
 
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Publish an order's new version; the topic is cleared some time after the last one."""
-        self.mqtt.publish(self._of_order(status))
+        self.mqtt.publish(self._order_message(status))
         if status.state.final:
             self._ended.add(status)
 
     def sequence_changed(self, status: OrderSequenceStatus) -> None:
         """Publish an order sequence's new version; after the last one, clear the topic."""
-        self.mqtt.publish(self._of_sequence(status))
+        self.mqtt.publish(self._sequence_message(status))
         if status.finished:
             self.mqtt.publish(Outbound(self.topics.sequence_status(status.name), b"", retain=True))
 
     def vehicle_changed(self, status: VehicleStatus) -> None:
         """Publish a vehicle's status."""
-        self.mqtt.publish(self._of_vehicle(status))
+        self.mqtt.publish(self._vehicle_message(status))
 
     def job_changed(self, status: PeripheralJobStatus) -> None:
         """Publish nothing: the status of its device has the job."""
@@ -134,7 +134,7 @@ class StatusPublisher:
     def peripheral_changed(self, location: str) -> None:
         """Publish a device's status."""
         if location in self._engine.peripherals.operations:
-            self.mqtt.publish(self._of_peripheral(location))
+            self.mqtt.publish(self._peripheral_message(location))
 
     def close(self) -> None:
         """Clear no more topics; the next start clears those of ended orders."""
@@ -143,16 +143,16 @@ class StatusPublisher:
     def _clear_status(self, name: str) -> None:
         self.mqtt.publish(Outbound(self.topics.order_status(name), b"", retain=True))
 
-    def _of_order(self, status: TransportOrderStatus) -> Outbound:
+    def _order_message(self, status: TransportOrderStatus) -> Outbound:
         return self._status_message(self.topics.order_status(status.name), status)
 
-    def _of_sequence(self, status: OrderSequenceStatus) -> Outbound:
+    def _sequence_message(self, status: OrderSequenceStatus) -> Outbound:
         return self._status_message(self.topics.sequence_status(status.name), status)
 
-    def _of_vehicle(self, status: VehicleStatus) -> Outbound:
+    def _vehicle_message(self, status: VehicleStatus) -> Outbound:
         return self._status_message(self.topics.vehicle_status(status.serial_number), status)
 
-    def _of_peripheral(self, location: str) -> Outbound:
+    def _peripheral_message(self, location: str) -> Outbound:
         topic = self.topics.peripheral(location, PeripheralTopic.STATUS)
         return self._status_message(topic, self._engine.peripherals.device_status(location))
 
@@ -303,13 +303,15 @@ class RetainedSweep:
 
     def _note_status(self, message: Inbound) -> None:
         name = self._name_in(message, self._topics.order_status)
-        if message.retained and message.payload and (self._is_stale(message) or not self._is_alive(name)):
+        order = self._engine.state.orders.visible_named(name)
+        has_ended = order is None or order.state.final
+        if message.retained and message.payload and (self._is_stale(message) or has_ended):
             self._names.add(name)
 
     def _note_sequence(self, message: Inbound) -> None:
         name = self._name_in(message, self._topics.sequence_status)
-        known = self._engine.state.sequences.visible(name)
-        if message.retained and message.payload and (self._is_stale(message) or not known):
+        sequence = self._engine.state.sequences.visible(name)
+        if message.retained and message.payload and (self._is_stale(message) or not sequence):
             self._sequences.add(name)
 
     def _note_vehicle(self, message: Inbound) -> None:
@@ -325,10 +327,13 @@ class RetainedSweep:
         return name
 
     def _correct_vehicle(self, serial_number: str) -> None:
-        found = [each for each in self._engine.registry if each.key.serial_number == serial_number]
-        for vehicle in found:
+        # The same serial number may exist once per manufacturer.
+        vehicles = [
+            vehicle for vehicle in self._engine.registry if vehicle.key.serial_number == serial_number
+        ]
+        for vehicle in vehicles:
             self._publisher.vehicle_changed(self._engine.reporter.vehicle_status(vehicle))
-        if not found:
+        if not vehicles:
             log.warning("clearing the status of an unknown vehicle", serial_number=serial_number)
             self._mqtt.publish(Outbound(self._topics.vehicle_status(serial_number), b"", retain=True))
 
@@ -356,7 +361,3 @@ class RetainedSweep:
         elif stored is None:
             log.warning("clearing the status of an unknown order", order=name)
             self._mqtt.publish(Outbound(self._topics.order_status(name), b"", retain=True))
-
-    def _is_alive(self, name: str) -> bool:
-        order = self._engine.state.orders.visible_named(name)
-        return order is not None and not order.state.final

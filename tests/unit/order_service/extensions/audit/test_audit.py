@@ -13,7 +13,7 @@ from unittest.mock import MagicMock
 import httpx
 import pytest
 
-from nena_order_service.api.audit import masked
+from nena_order_service.api.audit import to_masked_json
 from nena_order_service.api.operations import Call, Handler, HostOperations
 from nena_order_service.extensions import audit
 from nena_order_service.extensions.audit import AuditTrail, csv_file
@@ -296,7 +296,7 @@ def test_secrets_are_masked() -> None:
         "peripheralReservationToken": "door-1",
         "nested": {"client_secret": {"a": 1}},
     }
-    assert json.loads(masked(content)) == {
+    assert json.loads(to_masked_json(content)) == {
         "parameters": [{"key": "wifiPassword", "value": "***"}, {"key": "map", "value": "m"}],
         "apiKey": "***",
         "peripheralReservationToken": "door-1",
@@ -309,9 +309,9 @@ def test_secrets_are_masked() -> None:
 )
 def test_values_of_further_secrets_are_masked(name: str) -> None:
     content = {name: "hunter2", "properties": [{"key": name, "value": "hunter2"}]}
-    assert "hunter2" not in masked(content)
+    assert "hunter2" not in to_masked_json(content)
 
 
 @pytest.mark.parametrize("name", ["peripheralReservationToken", "key", "keypad", "spin", "author"])
 def test_other_values_are_recorded(name: str) -> None:
-    assert masked({name: "x"}) == f'{{"{name}":"x"}}'
+    assert to_masked_json({name: "x"}) == f'{{"{name}":"x"}}'

@@ -11,7 +11,7 @@ from fastapi import Request, Response
 from fastapi.routing import APIRoute
 from pydantic_core import from_json
 
-from nena_order_service.api.audit import ChangingRequest, Trail, kind_of, masked, origin_of
+from nena_order_service.api.audit import ChangingRequest, Trail, kind_of_path, origin_of, to_masked_json
 from nena_order_service.api.operation_routes import READING
 from nena_order_service.extensions.opentcs.answers import FORESEEN, response_to
 from nena_shared.fleet_api import operations as table
@@ -55,7 +55,7 @@ class AuditedRoute(APIRoute):
             body = b""
             trail: Trail = request.app.state.trail
             route = f"{method} {self.path}"
-            with trail.recorded(_changing_request(route, request, lambda: body)) as entry:
+            with trail.record_request(_changing_request(route, request, lambda: body)) as entry:
                 try:
                     body = await request.body()
                     response = await handle(request)
@@ -74,10 +74,10 @@ def _changing_request(route: str, request: Request, body: Callable[[], bytes]) -
     return ChangingRequest(
         origin=origin_of(request, AuditInterface.OPENTCS),
         operation=operation.name if operation else route,
-        kind=kind_of(route.partition(" ")[2]),
+        kind=kind_of_path(route.partition(" ")[2]),
         name=str(request.path_params.get("name", "")),
         body=lambda: _content_of(request, body()),
-        creates=kind_of(operation.creates) if operation and operation.creates else "",
+        creates=kind_of_path(operation.creates) if operation and operation.creates else "",
         joins=operation is not table.INSTANT_ACTION,
     )
 
@@ -91,4 +91,4 @@ def _content_of(request: Request, body: bytes) -> str:
             content["body"] = from_json(body if len(body) <= BODY_LIMIT else b"")
         except ValueError:
             content["body"] = f"{len(body)} bytes"
-    return masked(content) if content else ""
+    return to_masked_json(content) if content else ""
