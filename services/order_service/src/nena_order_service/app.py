@@ -78,6 +78,7 @@ async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
     """
     plant = load_plant(settings.plant)
     run = _serve_shared if is_shared(settings.store.location()) else _serve_alone
+    # Before it stands by: an error that shows only at a takeover would leave the fleet without a service.
     for name, extension in installed().items():
         extension.check(settings_of(settings, name, extension))
     await run(settings, plant, stop)
@@ -170,7 +171,7 @@ async def _lead_fleet(
             await supervisor.wait(stop)
     finally:
         if begun:
-            runner.service.close_streams()
+            runner.service.close_streams()  # the server would wait for them until its timeout
         await server.close()
         if begun:
             await _shut_down(runner.service)

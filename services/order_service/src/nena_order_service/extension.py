@@ -191,6 +191,7 @@ class Listeners(Extension):
     def __init__(self, listeners: Sequence[Extension]) -> None:
         self._listeners = listeners
         for name in EVENTS:
+            # Only those that override the method: some events occur with each state of each robot.
             own = [ext for ext in listeners if getattr(type(ext), name) is not getattr(Extension, name)]
             setattr(self, name, partial(_tell_all, [getattr(ext, name) for ext in own]))
 

@@ -168,10 +168,11 @@ class ServiceRunner:
     async def _replace_service(self, service: OrderService, commit: Callable[[], Awaitable[None]]) -> None:
         """Run ``service`` in place of the present one, from what is stored after ``commit``."""
         old = self.service
-        absent = (
-            old.engine.absent_robots()
-        )  # a location that is locked does not hold the fleet for half a minute
-        await self._end_service(old)
+        # Not waited for again: a location that is locked does not hold the fleet for half a minute.
+        absent = old.engine.absent_robots()
+        tasks, self._tasks = self._tasks, []
+        await end(*tasks)
+        await old.end()
         await commit()
         self.service = service
         try:
@@ -189,21 +190,17 @@ class ServiceRunner:
         previous: Mapping[str, Extension] = MappingProxyType({}),
     ) -> None:
         await service.begin(self._start_task, absent, previous)
-        self._start_task("restart", self._request_restart(service.engine.unit_of_work.failed), vital=False)
 
-    async def _request_restart(self, failed: asyncio.Event) -> None:
-        await failed.wait()
-        self._asked.put_nowait(None)
+        async def request_restart() -> None:
+            await service.engine.unit_of_work.failed.wait()
+            self._asked.put_nowait(None)
 
-    async def _end_service(self, service: OrderService) -> None:
-        tasks, self._tasks = self._tasks, []
-        await end(*tasks)
-        await service.end()
+        self._start_task("restart", request_restart(), vital=False)
 
     async def _keep_model(self, model: PlantModel, record: Callable[[Changes], None]) -> None:
         """Commit the model, however long the store takes."""
-        given = model.model_dump_json(by_alias=True, exclude_none=True, exclude_unset=True)
-        stored = StoredPlant(file=self._file.digest, model=given)
+        content = model.model_dump_json(by_alias=True, exclude_none=True, exclude_unset=True)
+        stored = StoredPlant(file=self._file.digest, model=content)
         changes = Changes()
         changes.documents[PLANT_MODEL, ""] = stored.model_dump_json()
         record(changes)

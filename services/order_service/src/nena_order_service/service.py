@@ -207,10 +207,18 @@ def make_fleet(
     epoch: int = 0,
     header_ids: HeaderIds | None = None,
 ) -> FleetLink:
-    """Build fleet control over the link ``mqtt``."""
+    """Build fleet control over the link ``mqtt``.
+
+    Raises:
+        ConfigurationError: the plant model names an unsupported version.
+    """
+    addresses = RobotAddresses(
+        [TopicScheme(settings.interface_name, "v2"), TopicScheme(settings.interface_name_v3, "v3")]
+    )
+    addresses.expect_vehicles((vehicle.key, vehicle.model) for vehicle in engine.registry if vehicle.model)
     return FleetLink(
         mqtt,
-        addresses=_make_addresses(settings, engine.registry),
+        addresses=addresses,
         settings=settings.fleet,
         clock=clock,
         on_events=engine.on_events,
@@ -262,20 +270,6 @@ def readiness(mqtt: MqttLink, store: Store, loop_lag: float = 0.0, *, failed: bo
         loop_lag=round(loop_lag, 4),
         problems=tuple(problems),
     )
-
-
-def _make_addresses(settings: OrderServiceSettings, registry: VehicleRegistry) -> RobotAddresses:
-    """Return the robots' versions and topics, as far as settings and plant model define them.
-
-    Raises:
-        ConfigurationError: the plant model names an unsupported version.
-
-    """
-    addresses = RobotAddresses(
-        [TopicScheme(settings.interface_name, "v2"), TopicScheme(settings.interface_name_v3, "v3")]
-    )
-    addresses.expect_vehicles((each.key, each.model) for each in registry if each.model)
-    return addresses
 
 
 def make_engine(settings: OrderServiceSettings, plant: PlantModel, store: Store, clock: Clock) -> Engine:

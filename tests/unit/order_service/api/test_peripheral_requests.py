@@ -34,7 +34,8 @@ async def test_jobs_are_found_by_their_time_of_creation() -> None:
 
     def names(**query: object) -> list[str]:
         return [
-            each.name for each in requests.page(PeripheralJobsQuery.model_validate(query)).peripheral_jobs
+            each.name
+            for each in requests.list_jobs(PeripheralJobsQuery.model_validate(query)).peripheral_jobs
         ]
 
     assert names() == ["J-3", "J-2", "J-1", "J-0"]
@@ -48,7 +49,8 @@ async def test_a_page_follows_the_job_that_the_previous_one_names() -> None:
 
     def names(**query: object) -> list[str]:
         return [
-            each.name for each in requests.page(PeripheralJobsQuery.model_validate(query)).peripheral_jobs
+            each.name
+            for each in requests.list_jobs(PeripheralJobsQuery.model_validate(query)).peripheral_jobs
         ]
 
     assert names(limit=2) == ["J-3", "J-2"]

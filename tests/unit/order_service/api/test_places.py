@@ -132,12 +132,14 @@ def shelf(service: OrderService, monkeypatch: pytest.MonkeyPatch) -> PlantOperat
 
 def test_a_link_offers_no_more_than_the_type_of_its_location(shelf: PlantOperations) -> None:
     """As orders are checked: they are refused what the location type lacks."""
-    assert [(each.point, each.operations) for each in shelf.location("S").links] == [
+    assert [(each.point, each.operations) for each in shelf.find_location_status("S").links] == [
         ("A", ("Load",)),
         ("B", ("Load", "Unload")),
     ]
     found = {
-        (operation, point): bool(shelf.locations(LocationsQuery(operation=operation, point=point)).locations)
+        (operation, point): bool(
+            shelf.list_locations(LocationsQuery(operation=operation, point=point)).locations
+        )
         for operation in ("Load", "Unload", "Juggle", "NOP")
         for point in (None, "A", "B")
     }

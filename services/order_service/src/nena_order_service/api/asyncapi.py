@@ -216,7 +216,7 @@ def _channel_object(channel: Channel) -> dict[str, Any]:
 
 
 def _operation_object(channel: Channel) -> dict[str, Any]:
-    made: dict[str, Any] = {
+    described: dict[str, Any] = {
         "action": channel.action,
         "channel": {"$ref": f"#/channels/{channel.name}"},
         "summary": channel.summary,
@@ -224,11 +224,11 @@ def _operation_object(channel: Channel) -> dict[str, Any]:
         "bindings": {"mqtt": {"qos": 1, "retain": channel.retained}},
     }
     if channel.refusals:
-        found = by_status(channel.refusals)
-        made["description"] = "\n".join(f"- {status.value}: {text}" for status, text in found.items())
+        texts = by_status(channel.refusals)
+        described["description"] = "\n".join(f"- {status.value}: {text}" for status, text in texts.items())
     if channel.action == "receive" and channel.answered:
-        made["reply"] = {"channel": {"$ref": f"#/channels/{channel.name}Answer"}}
-    return made
+        described["reply"] = {"channel": {"$ref": f"#/channels/{channel.name}Answer"}}
+    return described
 
 
 def _message_object(channel: Channel) -> dict[str, Any]:
@@ -252,6 +252,6 @@ def _schema_objects(described: tuple[Channel, ...]) -> dict[str, Any]:
 @cache
 def _schema_definitions(modes: tuple[tuple[type[BaseModel], JsonSchemaMode], ...]) -> dict[str, Any]:
     """Return the schemas of these models; cached, because each change of the plant model needs them."""
-    _, made = models_json_schema(modes, ref_template="#/components/schemas/{model}")
-    schemas: dict[str, Any] = made["$defs"]
+    _, definitions = models_json_schema(modes, ref_template="#/components/schemas/{model}")
+    schemas: dict[str, Any] = definitions["$defs"]
     return schemas

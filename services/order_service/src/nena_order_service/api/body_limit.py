@@ -36,6 +36,7 @@ class BodyLimit:
             return
         received = 0
 
+        # A body in chunks announces no length, so what arrives is counted too.
         async def counted() -> Message:
             nonlocal received
             message = await receive()

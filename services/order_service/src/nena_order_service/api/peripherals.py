@@ -39,27 +39,27 @@ class PeripheralOperations:
 
     def handlers(self) -> Iterator[Handler]:
         """Yield what executes each operation."""
-        yield Handler(table.LIST_PERIPHERALS, self.devices)
-        yield Handler(table.SHOW_PERIPHERAL, self.device)
-        yield Handler(table.LIST_JOBS, self.page)
-        yield Handler(table.SHOW_JOB, self.job)
+        yield Handler(table.LIST_PERIPHERALS, self.list_devices)
+        yield Handler(table.SHOW_PERIPHERAL, self.find_status)
+        yield Handler(table.LIST_JOBS, self.list_jobs)
+        yield Handler(table.SHOW_JOB, self.find_job)
         example = {"location": "Door 1", "operation": "open", "reservationToken": "host"}
-        yield Handler(table.CREATE_JOB, self.create, example)
-        yield Handler(table.WITHDRAW_JOB, lambda name, caller: self.withdraw(name, f"by {caller}"))
+        yield Handler(table.CREATE_JOB, self.create_job, example)
+        yield Handler(table.WITHDRAW_JOB, lambda name, caller: self.withdraw_job(name, f"by {caller}"))
 
-    def devices(self) -> PeripheralList:
+    def list_devices(self) -> PeripheralList:
         """Return all devices."""
         return PeripheralList(
             peripherals=tuple(map(self._peripherals.device_status, self._peripherals.operations))
         )
 
-    def device(self, name: str) -> PeripheralStatus:
+    def find_status(self, name: str) -> PeripheralStatus:
         """Return the device of a location; raises UnknownPeripheralError."""
         if name not in self._peripherals.operations:
             raise UnknownPeripheralError(name)
         return self._peripherals.device_status(name)
 
-    def page(self, request: PeripheralJobsQuery) -> PeripheralJobList:
+    def list_jobs(self, request: PeripheralJobsQuery) -> PeripheralJobList:
         """Return a page of jobs, the newest first.
 
         Raises:
@@ -68,17 +68,17 @@ class PeripheralOperations:
         """
         jobs = iter(self._jobs.all_visible())
         if request.after is not None:
-            self.job(request.after)
+            self.find_job(request.after)
             jobs = islice(dropwhile(lambda job: job.status.name != request.after, jobs), 1, None)
         statuses = (self._peripherals.job_status(job) for job in jobs if _fits_query(job, request))
         page, following = page_of(statuses, request.limit)
         return PeripheralJobList(peripheral_jobs=page, next=following)
 
-    def job(self, name: str) -> PeripheralJobStatus:
+    def find_job(self, name: str) -> PeripheralJobStatus:
         """Return a job; raises UnknownPeripheralJobError."""
         return self._peripherals.job_status(self._visible_job(name))
 
-    async def create(self, request: PeripheralJobRequest) -> PeripheralJobStatus:
+    async def create_job(self, request: PeripheralJobRequest) -> PeripheralJobStatus:
         """Create a job.
 
         Raises:
@@ -101,16 +101,16 @@ class PeripheralOperations:
             raise NameTakenError(name, "Peripheral job")
         async with self._engine.unit_of_work.saved():
             self._engine.create_peripheral_job(request, name)
-        return self.job(name)
+        return self.find_job(name)
 
-    async def withdraw(self, name: str, reason: str) -> PeripheralJobStatus:
+    async def withdraw_job(self, name: str, reason: str) -> PeripheralJobStatus:
         """Withdraw a job; raises UnknownPeripheralJobError or PeripheralJobEndedError."""
         job = self._visible_job(name)
         if job.over:
             raise PeripheralJobEndedError(name, job.status.state)
         async with self._engine.unit_of_work.saved():
             self._engine.withdraw_peripheral_job(name, reason)
-        return self.job(name)
+        return self.find_job(name)
 
     def _visible_job(self, name: str) -> PeripheralJob:
         job = self._jobs.visible(name)

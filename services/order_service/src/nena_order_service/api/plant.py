@@ -85,19 +85,21 @@ class PlantOperations:
     def handlers(self) -> Iterator[Handler]:
         """Yield what executes each operation."""
         locks = self._locks
-        yield Handler(table.LIST_POINTS, self.points, answer={"points": [_POINT], "next": "Packing stand"})
-        yield Handler(table.SHOW_POINT, self.point, answer=_POINT)
         yield Handler(
-            table.LIST_LOCATIONS, self.locations, answer={"locations": [_LOCATION], "next": "Packing"}
+            table.LIST_POINTS, self.list_points, answer={"points": [_POINT], "next": "Packing stand"}
         )
-        yield Handler(table.SHOW_LOCATION, self.location, answer=_LOCATION)
-        yield Handler(table.LIST_PATHS, self.paths)
+        yield Handler(table.SHOW_POINT, self.find_point_status, answer=_POINT)
+        yield Handler(
+            table.LIST_LOCATIONS, self.list_locations, answer={"locations": [_LOCATION], "next": "Packing"}
+        )
+        yield Handler(table.SHOW_LOCATION, self.find_location_status, answer=_LOCATION)
+        yield Handler(table.LIST_PATHS, self.list_paths)
         yield Handler(table.SHOW_PATH, locks.get)
         yield Handler(
             table.LOCK_PATH, lambda name, request: locks.set(name, locked=request.locked), {"locked": True}
         )
 
-    def points(self, request: PointsQuery) -> PointPage:
+    def list_points(self, request: PointsQuery) -> PointPage:
         """Return a page of points.
 
         Raises:
@@ -109,25 +111,27 @@ class PlantOperations:
         if vehicle is not None and self._engine.registry.named(vehicle) is None:
             raise UnknownVehicleError(vehicle)
         if request.after is not None:
-            self._point_named(request.after)
+            self._find_point(request.after)
         occupants = self._vehicles_by_point()
         points = (
-            each
-            for each in _objects_behind(self._plant.points, request.after)
-            if (not request.type or each.type in request.type)
-            and request.map_id in (None, each.map_id)
-            and (vehicle is None or vehicle in occupants.get(each.name, ()) or vehicle in holders(each.name))
+            point
+            for point in _objects_behind(self._plant.points, request.after)
+            if (not request.type or point.type in request.type)
+            and request.map_id in (None, point.map_id)
+            and (
+                vehicle is None or vehicle in occupants.get(point.name, ()) or vehicle in holders(point.name)
+            )
         )
         page, following = page_of(points, request.limit)
-        statuses = (self._point_status(each, occupants.get(each.name, ())) for each in page)
+        statuses = (self._point_status(point, occupants.get(point.name, ())) for point in page)
         return PointPage(points=tuple(statuses), next=following)
 
-    def point(self, name: str) -> PointStatus:
+    def find_point_status(self, name: str) -> PointStatus:
         """Return a point; raises UnknownPointError."""
-        point = self._point_named(name)
+        point = self._find_point(name)
         return self._point_status(point, self._vehicles_by_point().get(name, ()))
 
-    def locations(self, request: LocationsQuery) -> LocationPage:
+    def list_locations(self, request: LocationsQuery) -> LocationPage:
         """Return a page of locations.
 
         Raises:
@@ -136,13 +140,13 @@ class PlantOperations:
 
         """
         if request.after is not None:
-            self.location(request.after)
+            self.find_location_status(request.after)
         if request.point is not None:
-            self._point_named(request.point)
+            self._find_point(request.point)
         wanted = (
-            each
-            for each in _objects_behind(self._plant.locations, request.after)
-            if self._fits_query(each, request)
+            location
+            for location in _objects_behind(self._plant.locations, request.after)
+            if self._fits_query(location, request)
         )
         page, following = page_of(wanted, request.limit)
         return LocationPage(locations=tuple(map(self._location_status, page)), next=following)
@@ -155,14 +159,14 @@ class PlantOperations:
         points = self._plant.access_points(location.name, query.operation or NO_OPERATION)
         return bool(points) if query.point is None else query.point in points
 
-    def location(self, name: str) -> LocationStatus:
+    def find_location_status(self, name: str) -> LocationStatus:
         """Return a location; raises UnknownLocationError."""
         location = self._plant.locations_by_name.get(name)
         if location is None:
             raise UnknownLocationError(name)
         return self._location_status(location)
 
-    def paths(self, request: PathsQuery) -> PathPage:
+    def list_paths(self, request: PathsQuery) -> PathPage:
         """Return a page of paths; raises UnknownPathError if none has the name ``after``."""
         if request.after is not None:
             self._locks.get(request.after)
@@ -172,7 +176,7 @@ class PlantOperations:
         )
         return PathPage(paths=page, next=following)
 
-    def _point_named(self, name: str) -> Point:
+    def _find_point(self, name: str) -> Point:
         point = self._plant.points_by_name.get(name)
         if point is None:
             raise UnknownPointError(name)
@@ -180,13 +184,13 @@ class PlantOperations:
 
     def _vehicles_by_point(self) -> Mapping[str, Sequence[str]]:
         """Return the vehicles by the point that is their current position."""
-        found: defaultdict[str, list[str]] = defaultdict(list)
+        vehicles: defaultdict[str, list[str]] = defaultdict(list)
         for vehicle in self._engine.registry:
             state = self._engine.view(vehicle).state
             point = current_position(vehicle, state, self._plant) if state else None
             if point is not None:
-                found[point].append(vehicle.name)
-        return found
+                vehicles[point].append(vehicle.name)
+        return vehicles
 
     def _point_status(self, point: Point, occupied_by: Iterable[str]) -> PointStatus:
         return PointStatus(
@@ -204,11 +208,11 @@ class PlantOperations:
     @cached_property
     def _locations_by_point(self) -> Mapping[str, Sequence[str]]:
         """Names of locations by the points to which they are linked."""
-        found: defaultdict[str, list[str]] = defaultdict(list)
+        names: defaultdict[str, list[str]] = defaultdict(list)
         for location in self._plant.locations:
             for link in location.links:
-                found[link.point].append(location.name)
-        return found
+                names[link.point].append(location.name)
+        return names
 
     def _location_status(self, location: Location) -> LocationStatus:
         kind = self._plant.location_type(location.type)
@@ -230,10 +234,10 @@ class PlantOperations:
 def _objects_behind(objects: Iterable[P], name: str | None) -> Iterator[P]:
     """Yield the objects behind the one of this name; None: all."""
     passed = name is None
-    for each in objects:
+    for item in objects:
         if passed:
-            yield each
-        passed = passed or each.name == name
+            yield item
+        passed = passed or item.name == name
 
 
 def plant_model_router(plant_json: bytes, change: ChangePlant | None, trail: Trail) -> APIRouter:
@@ -279,7 +283,7 @@ async def _replace_plant(change: ChangePlant, body: bytes, asked: OpenRequest | 
     """Replace the plant model, or only check whether it can be replaced if nothing is ``asked``."""
     report = await asyncio.to_thread(read_plant, body, strict=True)
     model = report.model
-    found = PlantModelChange(
+    result = PlantModelChange(
         name=model.name,
         changed=asked is not None,
         points=len(model.points),
@@ -291,6 +295,6 @@ async def _replace_plant(change: ChangePlant, body: bytes, asked: OpenRequest | 
     )
     if asked:
         asked.name = model.name
-        asked.after = to_masked_json({"name": model.name, "points": found.points, "paths": found.paths})
+        asked.after = to_masked_json({"name": model.name, "points": result.points, "paths": result.paths})
     await change(model, check_only=asked is None)
-    return Response(found.model_dump_json(by_alias=True), media_type="application/json")
+    return Response(result.model_dump_json(by_alias=True), media_type="application/json")

@@ -49,7 +49,7 @@ def _add_jobs(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
             hosts.vehicles.find_status(vehicle)
         if order is not None:
             await hosts.orders.find_status(order)
-        jobs = peripherals.page(PeripheralJobsQuery(vehicle=vehicle, transport_order=order))
+        jobs = peripherals.list_jobs(PeripheralJobsQuery(vehicle=vehicle, transport_order=order))
         return [peripheral_job(job) for job in jobs.peripheral_jobs]
 
     @app.post("/v1/peripheralJobs/dispatcher/trigger", response_class=Response)
@@ -59,7 +59,7 @@ def _add_jobs(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
 
     @app.get("/v1/peripheralJobs/{name}")
     async def show_job(name: str) -> dict[str, Any]:
-        return peripheral_job(peripherals.job(name))
+        return peripheral_job(peripherals.find_job(name))
 
     @app.post("/v1/peripheralJobs/{name}")
     async def create_job(name: str, body: JobRequest) -> dict[str, Any]:
@@ -69,12 +69,12 @@ def _add_jobs(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
             operation=body.peripheral_operation.operation,
             reservation_token=body.reservation_token,
         )
-        return peripheral_job(await peripherals.create(asked))
+        return peripheral_job(await peripherals.create_job(asked))
 
     @app.post("/v1/peripheralJobs/{name}/withdrawal", response_class=Response)
     async def withdraw_job(name: str) -> None:
-        if not peripherals.job(name).state.final:
-            await peripherals.withdraw(name, "by a host")
+        if not peripherals.find_job(name).state.final:
+            await peripherals.withdraw_job(name, "by a host")
 
 
 def _add_devices(app: FastAPI, peripherals: PeripheralOperations, engine: Engine) -> None:
@@ -85,8 +85,8 @@ def _add_devices(app: FastAPI, peripherals: PeripheralOperations, engine: Engine
 
     @app.post("/v1/peripherals/{name:path}/withdrawal", response_class=Response)
     async def withdraw(name: str) -> None:
-        if has_device(name) and (job := peripherals.device(name).job):
-            await peripherals.withdraw(job.name, "by a host")
+        if has_device(name) and (job := peripherals.find_status(name).job):
+            await peripherals.withdraw_job(job.name, "by a host")
 
     @app.get("/v1/peripherals/{name:path}/commAdapter/attachmentInformation")
     async def attachment(name: str) -> dict[str, Any]:
