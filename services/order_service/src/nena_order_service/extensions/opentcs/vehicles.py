@@ -166,12 +166,12 @@ def _add_commands(app: FastAPI, hosts: HostServices) -> None:
     @app.post(f"{VEHICLES}/{{name}}/rerouteRequest", response_class=Response)
     async def reroute(name: str, *, forced: bool = False) -> None:
         with suppress(NotReroutableError):  # as in openTCS, not an error
-            await vehicles.reroute(name, ReroutingType.FORCED if forced else ReroutingType.REGULAR)
+            await vehicles.reroute_vehicle(name, ReroutingType.FORCED if forced else ReroutingType.REGULAR)
 
     @app.put(f"{VEHICLES}/{{name}}/paused", response_class=Response)
     async def pause(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> None:
         request = InstantActionRequest(action_type="pause" if new_value else "resume")
-        reply = await vehicles.instant_action(name, request)
+        reply = await vehicles.send_instant_action(name, request)
         if isinstance(reply.body, InstantActionAnswer) and reply.body.status == "FAILED":
             raise NotPossibleError(reply.body.reason)
 
