@@ -40,7 +40,9 @@ async def test_concurrent_identical_requests_create_one_order() -> None:
     requests = OrderOperations(engine)
     wanted = request("B", name="T", idempotencyKey="key", dependencies=["D"])
     async with asyncio.timeout(30):
-        (one, new), (other, also_new) = await asyncio.gather(requests.create(wanted), requests.create(wanted))
+        (one, new), (other, also_new) = await asyncio.gather(
+            requests.create_order(wanted), requests.create_order(wanted)
+        )
     assert one.name == other.name == "T"
     assert sorted((new, also_new)) == [False, True]
     assert len(list(engine.state.orders.present())) == 1

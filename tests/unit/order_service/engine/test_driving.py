@@ -208,7 +208,7 @@ async def test_a_robot_that_rests_in_the_way_makes_room_without_an_order() -> No
     vehicles = VehicleOperations(engine, OrderOperations(engine))
     shutdown = InstantActionRequest(action_type="shutdown")
     with pytest.raises(VehicleBusyError, match="'V2' makes room for another vehicle"):
-        await vehicles.instant_action("V2", shutdown)
+        await vehicles.send_instant_action("V2", shutdown)
 
     again = ScriptedFleet({"V1": "A", "V2": "B"})
     restarted = await make_engine(TRACK, store, again)

@@ -11,6 +11,7 @@ from hypothesis import given
 from nena_order_service.fleet.feasibility import fitted_action, fitted_order, order_problem
 from nena_order_service.fleet.robot import Abilities
 from nena_order_service.fleet.vda_order import VdaOrder
+from nena_shared.vda5050.action import BlockingType
 from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,
     ActionScope,
@@ -270,5 +271,7 @@ def test_the_load_handling_device_has_the_listed_key_or_that_of_the_version(
 ) -> None:
     kinds = {listed: ValueDataType.STRING} if listed else {}
     robot = abilities(pick(**kinds), version=version)
-    (parameter,) = fitted_action(make_action("pick", **{given: "fork"}), robot).action_parameters
+    (parameter,) = fitted_action(
+        make_action("pick", "i1", BlockingType.NONE, **{given: "fork"}), robot
+    ).action_parameters
     assert (parameter.key, parameter.value) == (sent, "fork")

@@ -189,7 +189,9 @@ def read_page(engine: sa.Engine, wanted: AuditQuery) -> AuditPage:
         # Transactions of SQLite always do that.
         engine = engine.execution_options(isolation_level="REPEATABLE READ")
     with engine.connect() as connection:
-        rows = connection.execute(query.order_by(order).limit(wanted.limit + 1)).mappings().all()
+        rows = [
+            dict(row) for row in connection.execute(query.order_by(order).limit(wanted.limit + 1)).mappings()
+        ]
         last, deleted = read_mark(connection, LAST), read_mark(connection, DELETED)
     entries = tuple(
         AuditEntry.model_validate({**_as_json(row), "hash": row["hash"]}) for row in rows[: wanted.limit]
