@@ -12,6 +12,7 @@ from nena_shared.plant.checks import find_errors, find_warnings
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
 from nena_shared.plant.model import PlantModel
 
+# RFC 8259, 8.1: writers must not add one, but readers may ignore it.
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
@@ -29,6 +30,7 @@ def format_of(data: bytes) -> PlantFormat:
     if not _json_bytes(data).startswith((b"{", b"[")):
         return PlantFormat.OPENTCS
     content = parse_json(_json_bytes(data))
+    # One of them is enough: then the reader of LIF names what is missing.
     return PlantFormat.LIF if isinstance(content, dict) and _LIF & content.keys() else PlantFormat.NENA
 
 
@@ -49,6 +51,7 @@ def read(data: bytes, *, strict: bool = False) -> ImportReport:
 
 def read_nena(data: bytes) -> ImportReport:
     """Read the output of `PlantModel.to_json`. Raises PlantModelError."""
+    # pydantic parses it, without the limits of parse_json.
     check_size(data)
     try:
         model = PlantModel.from_json(data)

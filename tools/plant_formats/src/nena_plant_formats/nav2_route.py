@@ -76,7 +76,9 @@ def _edge_feature(
             "id": number,
             "startid": ids[edge.source],
             "endid": ids[edge.destination],
+            # As in openTCS: the length is the cost, and may differ from the distance.
             "cost": edge.path.length_m,
+            # In m/s: speed_limit is a percentage in nav2_route.
             "metadata": {"name": edge.id, "abs_speed_limit": edge.max_velocity_m_s},
         },
         "geometry": {

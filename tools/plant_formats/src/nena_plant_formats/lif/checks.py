@@ -71,6 +71,7 @@ def format_problems(error: ValidationError) -> tuple[PlantProblem, ...]:
     """Return deviations from the format; equal ones are combined into one problem."""
     found: dict[tuple[str, str], list[str]] = {}
     for detail in error.errors(include_url=False, include_context=False, include_input=False):
+        # Without indices, so that a deviation of a thousand nodes is one warning (0014).
         field = ".".join("*" if isinstance(part, int) else part for part in detail["loc"])
         found.setdefault((field, words_of(detail)), []).append(path_of(detail["loc"]))
     return tuple(
@@ -91,6 +92,7 @@ def repair(
     objects = tuple(_all_objects(raw))
     found = Counter(_repair_each(objects, known))
     headings = [spot for each in objects for spot in _headings_of(each)]
+    # A published sample has degrees. All are converted, because 3 degrees would pass as radians.
     if any(abs(heading) > 2 * pi for _, _, heading in headings):
         found["HEADINGS_IN_DEGREES", "headings beyond 2 pi: all headings in the file are read as degrees"] = 1
         for place, key, heading in headings:
@@ -103,11 +105,14 @@ def repair(
 def _repair_each(objects: Iterable[dict[str, Any]], known: frozenset[str]) -> Iterator[tuple[str, str]]:
     """Repair each object in place, and yield code and text of each deviation."""
     for each in objects:
+        # Both versions share the records (0045): left in, a field of 2.0 would count in a file of 1.0.
         for key in FIELDS_OF_2_0 & (each.keys() - known):
             del each[key]
             yield "IGNORED", f"unknown field {key!r}"
+        # 11 of the 19 examples in LIF's guideline have no stations, which its schema requires.
         if "nodes" in each and "edges" in each:
             each.setdefault("stations", [])
+        # So in 8.4 of LIF's guideline, while its examples have requirementType.
         if "requirementType" in known and isinstance(required := each.get("required"), bool):
             del each["required"]
             each.setdefault("requirementType", "REQUIRED" if required else "OPTIONAL")
@@ -155,9 +160,12 @@ def errors(file: LifFile) -> Iterator[PlantProblem]:
     nodes = [node for layout in file.layouts for node in layout.nodes]
     edges = [edge for layout in file.layouts for edge in layout.edges]
     stations = [station for layout in file.layouts for station in layout.stations]
+    # 0014: never repaired, as each of these could send a robot to a wrong place.
+    # Per kind: LIF lets a station have the ID of its node, and real files do.
     yield from _check_duplicates(ObjectKind.POINT, (node.node_id for node in nodes))
     yield from _check_duplicates(ObjectKind.PATH, (edge.edge_id for edge in edges))
     yield from _check_duplicates(ObjectKind.LOCATION, (station.station_id for station in stations))
+    # Of the whole file: LIF lets edges and stations lead to nodes of other layouts.
     known = {node.node_id for node in nodes}
     yield from _dangling_references(known, edges, stations)
     yield from _without_vehicle_type(nodes, edges)
@@ -174,6 +182,7 @@ def _check_contradictions(
     for use in uses:
         for action in use.actions:
             required = action.requirement_type is RequirementType.REQUIRED
+            # LIF 2.0 makes this an error. A feasible one is only left out of the operations.
             if required and action.action_type in use.forbidden_action_types:
                 text = f"action {action.action_type!r} is both required and forbidden"
                 yield PlantProblem("NOT_LIF", kind, name, text)
@@ -190,8 +199,10 @@ def deviations(file: LifFile) -> Iterator[PlantProblem]:
         own_nodes = {node.node_id for node in layout.nodes}
         for edge in layout.edges:
             yield from _of_edge(edge, own_nodes, nodes)
+            # 2.0 has an inverse of rotationAllowed with a default, and it has SINGLE.
             yield from () if version.startswith("2") else _missing_in_1_0(edge)
         for station in layout.stations:
+            # LIF's text demands at least one, but its schema accepts an empty array.
             if not station.interaction_node_ids:
                 text = "the station has no interaction node"
                 yield PlantProblem("NOT_LIF", ObjectKind.LOCATION, station.station_id, text)
@@ -220,6 +231,7 @@ def unsupported_features(file: LifFile) -> Iterator[PlantProblem]:
     ]
     found = Counter(_unsupported_at_node(nodes))
     found.update(_unsupported_on_edge(edges))
+    # LIF 2.0 does not define where origins lie relative to each other (0045).
     found["several origins, whose frames are treated as one"] = max(
         0, len({layout.origin_id for layout in file.layouts}) - 1
     )
@@ -252,6 +264,7 @@ def origin_findings(file: mobile_robots.OriginsFile) -> Iterator[PlantProblem]:
         mobile_robots.type_id(mobile_robots.MobileRobotType(manufacturer=maker, series_name=name))
         for maker, name in series
     )
+    # In the form of LIF 1.0, the series `b.c` of `a` and `c` of `a.b` have the same ID.
     for name, times in ids.items():
         if times > 1:
             yield warning("NOT_LIF", f"{times} types of mobile robots are called {name!r}; read as one")
@@ -296,6 +309,7 @@ def _dangling_reference(kind: ObjectKind, name: str, node: str) -> PlantProblem:
 
 
 def _without_vehicle_type(nodes: list[LifNode], edges: list[LifEdge]) -> Iterator[PlantProblem]:
+    # LIF: an element without an entry for a vehicle type is closed to it.
     text = "no vehicle type may use it; add at least one"
     for node in nodes:
         if not node.vehicle_type_node_properties:
@@ -330,8 +344,10 @@ def _of_edge(edge: LifEdge, own_nodes: set[str], nodes: dict[str, LifNode]) -> I
         *(text for use in uses for text in _check_load(use.load_restriction)),
         *(text for use in uses if use.trajectory for text in _check_trajectory(use.trajectory, ends)),
     ]
+    # LIF 2.0 allows one of the two, not both.
     if any(use.trajectory and use.line_guidance for use in uses):
         texts.append("it has a trajectory and a physicalLineGuidedProperty; the trajectory's length is used")
+    # LIF: only the end of an edge may be in another layout.
     if edge.start_node_id not in own_nodes:
         texts.append(f"start node {edge.start_node_id!r} is in another layout")
     yield from (PlantProblem("NOT_LIF", ObjectKind.PATH, edge.edge_id, text) for text in texts)
@@ -366,6 +382,7 @@ def _check_bounds(bounds: DeviationBounds | None) -> Iterator[str]:
     for axis, least, most in (
         ("a", bounds.a_minimum, bounds.a_maximum),
         ("b", bounds.b_minimum, bounds.b_maximum),
+        # An ellipse has b <= a, so a must reach the minimum of b as well.
         ("the shorter semi-axis", bounds.b_minimum, bounds.a_maximum),
     ):
         if least is not None and most is not None and least > most:
@@ -389,9 +406,11 @@ def _check_trajectory(trajectory: PathTrajectory, ends: tuple[LifNode, LifNode])
     if fault := curve.fault(trajectory):
         yield f"the trajectory {fault}; it is ignored"
         return
+    # As in a published sample; LIF has knots from 0 to 1.
     if trajectory.knot_vector[0] < 0 or trajectory.knot_vector[-1] > 1:
         yield "the trajectory has knots outside 0 to 1; they are scaled"
     for point, node in zip((trajectory.control_points[0], trajectory.control_points[-1]), ends, strict=True):
+        # The trajectory of the guideline's own example does not end at its nodes.
         if hypot(point.x - node.node_position.x, point.y - node.node_position.y) > SAME_PLACE_M:
             yield f"the trajectory does not end at node {node.node_id!r}; the node's position is used"
 

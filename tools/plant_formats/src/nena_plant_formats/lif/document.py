@@ -81,6 +81,7 @@ class LifNode(LifRecord):
     node_id: str = Field(min_length=1)
     node_name: str | None = None
     node_description: str | None = None
+    # Demanded by LIF 1.0's text, but not by its schema.
     map_id: str | None = None
     node_position: Position
     vehicle_type_node_properties: tuple[VehicleTypeAtPoint, ...]

@@ -23,6 +23,7 @@ from nena_shared.plant.track import (
 from nena_shared.plant_terms import PointType
 
 _Use = VehicleTypeAtPoint | VehicleTypeOnPath
+# Positions and lengths are whole millimetres, each rounded on its own.
 _SAME_LENGTH_MM: Final = 1.0
 _KEPT: Final = ("lif:", keys.VDA5050_MAP_ID)
 
@@ -47,6 +48,7 @@ def in_1_0(model: PlantModel) -> Iterator[tuple[str, int]]:
     actions = [action for use in everywhere for action in use.actions]
     layers = model.visual_layout.properties
     origins = {value for key, value in layers.items() if key.endswith(".originId")}
+    # LIF 1.0 has one global origin for all layouts.
     yield "origins beyond the first, whose layouts then use its frame", max(0, len(origins) - 1)
     yield "bounds of deviations at nodes", sum(use.allowed_deviation_xy is not None for use in at_points)
     yield "load restrictions of nodes", sum(use.load_restriction is not None for use in at_points)
@@ -54,6 +56,7 @@ def in_1_0(model: PlantModel) -> Iterator[tuple[str, int]]:
         "forbidden actions, which are omitted",
         sum(len(use.forbidden_action_types) for use in everywhere),
     )
+    # 0045: parallel edges instead would need IDs that no robot knows.
     yield "orientations beyond the first", sum(len(use.other_orientations) for use in on_paths)
     yield "corridors", sum(use.corridor is not None for use in on_paths)
     yield "properties of line guidance", sum(use.line_guidance is not None for use in on_paths)
@@ -70,6 +73,7 @@ def in_1_0(model: PlantModel) -> Iterator[tuple[str, int]]:
         sum(keys.LIF_STATION_TYPE in location.properties for location in model.locations),
     )
     yield (
+        # No height means 0 in LIF 1.0 and unknown in 2.0; only files of 2.0 have origins.
         "unknown heights of stations, written as 0",
         sum(
             any(key.endswith(".originId") for key in layers)
@@ -84,6 +88,7 @@ def in_2_0(model: PlantModel) -> Iterator[tuple[str, int]]:
     """Yield content that only LIF 1.0 supports, with its number of occurrences."""
     at_points = [use for point in model.points for use in point.vehicle_types]
     uses: list[_Use] = [*at_points, *(use for path in model.paths for use in path.vehicle_types)]
+    # 2.0 has required and feasible actions only; CONDITIONAL is what feasible is read as.
     optional = sum(
         action.requirement_type is not RequirementType.CONDITIONAL
         and action.requirement_type is not RequirementType.REQUIRED
@@ -92,11 +97,13 @@ def in_2_0(model: PlantModel) -> Iterator[tuple[str, int]]:
     )
     yield "actions that are OPTIONAL or without a requirementType, written as feasible actions", optional
     both = sum({keys.LIF_NAME, keys.LIF_DESCRIPTION} <= each.properties.keys() for each in model.points)
+    # 2.0 has a single text for a node, its descriptor.
     yield "names of nodes, which are put in front of the descriptor", both
     known = {key.removeprefix(keys.LIF_MANUFACTURER) for key in model.properties}
     types = {use.vehicle_type_id for use in uses}
     yield (
         "manufacturers of vehicle types without a dot, written as empty",
+        # 0045: an invented manufacturer would look right, but match no robot.
         sum("." not in each and each not in known for each in types),
     )
 
@@ -122,6 +129,7 @@ def _of_paths(model: PlantModel) -> Iterator[tuple[str, int]]:
         "path lengths other than the distance between the end points",
         sum(_has_length(model, path) for path in paths),
     )
+    # 0014: a drawn curve is decoration, and must not become a trajectory that robots follow.
     direct = ConnectionType.DIRECT
     drawn = (
         path for path in paths if not _has_trajectories(path) and path.layout.connection_type is not direct
@@ -132,6 +140,7 @@ def _of_paths(model: PlantModel) -> Iterator[tuple[str, int]]:
 def _has_length(model: PlantModel, path: Path) -> bool:
     a, b = model.point(path.source), model.point(path.destination)
     distance = hypot(a.x_mm - b.x_mm, a.y_mm - b.y_mm)
+    # The reader makes at least 1 mm of each edge, also between nodes at the same place.
     return not _has_trajectories(path) and abs(max(distance, 1.0) - path.length_mm) > _SAME_LENGTH_MM
 
 

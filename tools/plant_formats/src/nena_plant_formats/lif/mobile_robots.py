@@ -74,6 +74,7 @@ class RobotActionParameter(LifRecord):
     @field_validator("value")
     @classmethod
     def _not_null(cls, value: JsonValue) -> JsonValue:
+        # LIF 2.0 lists strings, numbers, booleans, arrays and objects.
         if value is None:
             message = "must not be null"
             raise ValueError(message)
@@ -106,6 +107,7 @@ class MobileRobotTypeEdgeProperty(LifRecord):
 
     mobile_robot_types: tuple[MobileRobotType, ...]
     orientation_type: PathOrientationType = PathOrientationType.TANGENTIAL
+    # LIF's default; that of VDA 5050 3.0 is false.
     reach_orientation_before_entering: bool = True
     mobile_robot_orientations: tuple[float, ...] = ()
     rotation_at_start_node_allowed: RotationAllowed = RotationAllowed.BOTH
@@ -138,6 +140,7 @@ class OriginEdge(LifRecord):
     """A directed connection of two nodes; the end may be in another layout or origin."""
 
     edge_id: str = Field(min_length=1)
+    # 0045: no longer in the text of 2.0, but in its schema and examples, like layoutName.
     edge_name: str | None = None
     edge_descriptor: str | None = None
     start_node_id: str
@@ -242,6 +245,7 @@ def to_layouts(file: OriginsFile) -> LifFile:
         layouts=tuple(
             _convert_layout(origin, layout) for origin in file.origins for layout in origin.layouts
         ),
+        # Manufacturers may have dots too, so some IDs cannot be split again at the first one.
         manufacturers={
             type_id(each): each.manufacturer
             for each in robot_types(file)
@@ -317,6 +321,7 @@ def _on_path(on_edge: MobileRobotTypeEdgeProperty) -> Iterator[VehicleTypeOnPath
         "feasible_actions",
     )
     common = _set_fields(on_edge, _USE, *other_form)
+    # 2.0 has the inverse. Unset stays unset, so that saving a file changes no line (0045).
     if "reach_orientation_before_entering" in on_edge.model_fields_set:
         common["rotation_allowed"] = not on_edge.reach_orientation_before_entering
     if on_edge.mobile_robot_orientations:
@@ -328,6 +333,7 @@ def _on_path(on_edge: MobileRobotTypeEdgeProperty) -> Iterator[VehicleTypeOnPath
 
 
 def _convert_actions(use: MobileRobotTypeNodeProperty | MobileRobotTypeEdgeProperty) -> Iterator[TypeAction]:
+    # CONDITIONAL is the careful choice: it takes an agreement, OPTIONAL none.
     required, feasible = RequirementType.REQUIRED, RequirementType.CONDITIONAL
     for actions, requirement in ((use.required_actions, required), (use.feasible_actions, feasible)):
         for action in actions:
@@ -341,6 +347,7 @@ def _convert_parameter(parameter: RobotActionParameter) -> TypeActionParameter:
     value = parameter.value
     if isinstance(value, str):
         return TypeActionParameter(key=parameter.key, value=value)
+    # LIF 1.0 has strings only. The flag restores the value in 2.0.
     return TypeActionParameter(key=parameter.key, value=json.dumps(value), is_json=True)
 
 
@@ -380,6 +387,7 @@ def _of_origin(layout: Layout, manufacturers: Mapping[str, str]) -> OriginLayout
         nodes=tuple(_node_of_2_0(node, manufacturers) for node in layout.nodes),
         edges=tuple(_edge_of_2_0(edge, manufacturers) for edge in layout.edges),
     )
+    # Left unset, the writer omits the field, which is optional in 2.0.
     if not layout.stations:
         return made
     stations = tuple(
@@ -390,6 +398,7 @@ def _of_origin(layout: Layout, manufacturers: Mapping[str, str]) -> OriginLayout
 
 def _node_of_2_0(node: LifNode, manufacturers: Mapping[str, str]) -> OriginNode:
     common = _set_fields(node, _inverse_names(_NODE), "node_name", "vehicle_type_node_properties")
+    # 2.0 has no name of a node, and an export must not lose it.
     common["node_descriptor"] = ": ".join(filter(None, (node.node_name, node.node_description))) or None
     uses = ((use.vehicle_type_id, _node_property(use)) for use in node.vehicle_type_node_properties)
     merged = ((_mobile_robot_types(ids, manufacturers), given) for ids, given in _group_equal(uses))
@@ -472,4 +481,5 @@ def json_value(parameter: TypeActionParameter) -> JsonValue:
         value: JsonValue = from_json(parameter.value, allow_inf_nan=False)
     except ValueError:
         return parameter.value
+    # RobotActionParameter refuses null.
     return parameter.value if value is None else value

@@ -70,6 +70,7 @@ def read(data: bytes, *, strict: bool = False, limits: JsonLimits = JSON_LIMITS)
     if problems := tuple(checks.errors(file)):
         raise PlantModelError(problems)
     findings = (*findings, *checks.deviations(file))
+    # Content without effect is valid LIF, so it is no finding in strict mode.
     if strict and findings:
         raise PlantModelError(findings)
     names = Names(node.node_id for layout in file.layouts for node in layout.nodes)
@@ -85,6 +86,7 @@ def read(data: bytes, *, strict: bool = False, limits: JsonLimits = JSON_LIMITS)
 def _read_layouts(data: bytes, raw: Any) -> tuple[LifFile, tuple[PlantProblem, ...]]:  # noqa: ANN401 - whatever the JSON holds
     """Return the file and its deviations from the format of its version."""
     if _version_of(raw) is LifVersion.V1_0:
+        # The text is checked first, because repair() changes what was parsed.
         findings = (*_format_deviations(data, LifFile), *repair(raw, checks.FIELDS_1_0))
         return _validate_form(raw, LifFile), findings
     form = mobile_robots.OriginsFile
@@ -93,6 +95,7 @@ def _read_layouts(data: bytes, raw: Any) -> tuple[LifFile, tuple[PlantProblem, .
     return mobile_robots.to_layouts(file), (*findings, *checks.origin_findings(file))
 
 
+# 0045: minor versions only add fields, and each unknown field is a warning.
 _MAJOR_VERSION: Final = re.compile(r"([12])(\.\d+)*", re.ASCII)
 
 
@@ -102,6 +105,7 @@ def _version_of(raw: Any) -> LifVersion:  # noqa: ANN401 - whatever the JSON hol
     meta = content.get("metaInformation")
     stated = meta.get("lifVersion") if isinstance(meta, dict) else None
     if stated is None:
+        # 0045: without a version, the form only decides which errors are reported.
         return LifVersion.V2_0 if "origins" in content else LifVersion.V1_0
     major = _MAJOR_VERSION.fullmatch(str(stated))
     if major is None and stated != DRAFT_VERSION:
@@ -143,6 +147,7 @@ class Names:
     def allocate(self, kind: ObjectKind, wanted: str, prefix: str) -> str:
         """Return and reserve the wanted name if it is free, else one with the prefix."""
         name = wanted
+        # openTCS: a name is unique over all kinds of object. In LIF, an ID is so within its kind.
         if name in self._taken:
             tries = (f"{prefix}{'' if number == 1 else number}:{wanted}" for number in count(1))
             name = next(each for each in tries if each not in self._taken)
@@ -168,6 +173,7 @@ class StationMaker:
     def location(self, station: Station, layer_id: int) -> Location:
         """Return the location of a station."""
         points = [self._points[node] for node in dict.fromkeys(station.interaction_node_ids)]
+        # LIF: what a station is for follows from the actions at its nodes.
         operations = tuple(sorted({each for point in points for each in _operations_at(point)}))
         x_mm, y_mm = _position_mm(station.station_position, points)
         return Location(
@@ -277,6 +283,7 @@ def to_plant(file: LifFile, names: Names) -> PlantModel:
 def _read_point(node: LifNode, layer: int) -> Point:
     types = _first_of_each(node.vehicle_type_node_properties)
     headings = {use.theta for use in types}
+    # The heading of a point applies to all vehicles; others stay in the rule of their type.
     theta = headings.pop() if len(headings) == 1 else None
     return Point(
         name=node.node_id,
@@ -301,12 +308,14 @@ def _read_path(edge: LifEdge, layer: int, points: dict[str, Point], names: Names
     trajectory = next((use.trajectory for use in types if use.trajectory), None)
     a, b = points[edge.start_node_id], points[edge.end_node_id]
     guided = next((use.line_guidance.length for use in types if use.line_guidance), None)
+    # 0014: robots follow a LIF trajectory, so it determines the length.
     length_m = curve.length(trajectory) if trajectory else guided or hypot(a.x_m - b.x_m, a.y_m - b.y_m)
     name = names.allocate(ObjectKind.PATH, edge.edge_id, "edge")
     return Path(
         name=name,
         source=edge.start_node_id,
         destination=edge.end_node_id,
+        # openTCS: at least 1 mm. Levels of a rack are nodes at the same place.
         length_mm=max(1, round(length_m * MM_PER_M)),
         max_velocity_mm_s=_speed_mm_s(types),
         properties=without_none(
@@ -346,6 +355,7 @@ def _speed_mm_s(uses: Sequence[VehicleTypeOnPath]) -> int:
 def _path_layout(trajectory: PathTrajectory | None, layer: int) -> PathLayout:
     if trajectory is None:
         return PathLayout(layer_id=layer)
+    # openTCS's BEZIER is exactly one cubic curve with two control points.
     if curve.is_cubic_bezier(trajectory):
         kind, places = ConnectionType.BEZIER, [(point.x, point.y) for point in trajectory.control_points]
     else:

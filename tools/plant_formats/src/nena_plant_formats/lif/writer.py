@@ -82,6 +82,7 @@ def write(
     file = from_plant(model, options)
     if version is LifVersion.V2_0:
         origins = mobile_robots.from_layouts(file)
+        # 0045: 2.0 has a default for most fields; what a file omitted is omitted again.
         content = origins.model_dump(mode="json", by_alias=True, exclude_none=True, exclude_unset=True)
     else:
         content = file.model_dump(mode="json", by_alias=True, exclude_none=True, exclude_defaults=True)
@@ -96,11 +97,14 @@ def _as_1_0(part: Any) -> Any:  # noqa: ANN401 - a value of JSON
     if not isinstance(part, dict):
         return part
     kept = {key: _as_1_0(value) for key, value in part.items() if key not in FIELDS_OF_2_0}
+    # HARD excludes other actions like SINGLE does; it also stops the robot.
     if kept.get("blockingType") == PlantBlockingType.SINGLE:
         kept["blockingType"] = PlantBlockingType.HARD
     for use in kept.get("vehicleTypeNodeProperties", ()):
+        # Not in FIELDS_OF_2_0, because edges of 1.0 have it.
         use.pop("loadRestriction", None)
     for use in kept.get("vehicleTypeEdgeProperties", ()):
+        # Required in 1.0. False is the inverse of the default in 2.0.
         use.setdefault("rotationAllowed", False)
     return kept
 
@@ -117,7 +121,9 @@ def from_plant(model: PlantModel, options: ExportOptions) -> LifFile:
         )
     edge_ids = distinct_ids({edge.id: _kept_id(edge) for edge in model.edges()})
     for edge in model.edges():
+        # LIF: an edge is in the layout of its start node.
         edges[_number_among(numbers, home[edge.source])].append(_write_edge(edge, edge_ids[edge.id], options))
+    # LIF: a station has at least one interaction node.
     linked = tuple(location for location in model.locations if location.links)
     station_ids = distinct_ids({each.name: each.properties.get(keys.LIF_ID) for each in linked})
     for location in linked:
@@ -142,6 +148,7 @@ def from_plant(model: PlantModel, options: ExportOptions) -> LifFile:
 
 
 def _timestamp_of(at: datetime) -> str:
+    # LIF 2.0's text wants milliseconds; 1.0 takes any ISO 8601 time.
     return at.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
@@ -178,6 +185,7 @@ def _write_layout(
         origin_descriptor=kept("originDescriptor"),
         layout_id=kept("id") or model.name or _CREATOR,
         layout_name=kept("name"),
+        # LIF suggests to count versions from 1.
         layout_version=kept("version") or "1",
         layout_level_id=kept("levelId"),
         layout_description=kept("description"),
@@ -202,6 +210,7 @@ def _write_action(action_type: str) -> TypeAction:
     return TypeAction(
         action_type=action_type,
         blocking_type=PlantBlockingType.HARD,
+        # The operation is executed only if an order asks for it.
         requirement_type=RequirementType.OPTIONAL,
     )
 
@@ -240,6 +249,7 @@ def _write_edge(edge: DirectedEdge, edge_id: str, options: ExportOptions) -> Lif
 def _vehicle_type_rules(edge: DirectedEdge, vehicle_types: Iterable[str]) -> Iterator[VehicleTypeOnPath]:
     """Yield the rule of each vehicle type; vehicles drive backward edges in reverse."""
     rules = edge.path.vehicle_types
+    # LIF's rules apply to one direction: backwards, only the vehicle types remain.
     if rules and edge.is_forward:
         yield from rules
         return
@@ -248,6 +258,7 @@ def _vehicle_type_rules(edge: DirectedEdge, vehicle_types: Iterable[str]) -> Ite
         yield VehicleTypeOnPath(
             vehicle_type_id=name,
             rotation_allowed=False,
+            # LIF: relative to the edge, because its orientationType is TANGENTIAL by default.
             vehicle_orientation=0.0 if edge.is_forward else pi,
             max_speed=None if unlimited else edge.max_velocity_m_s,
         )

@@ -72,6 +72,7 @@ def parse(data: bytes, limits: Limits) -> Element:
         raise refusal("LIMIT_EXCEEDED", f"an element has more than {limits.attributes} attributes")
     if data.startswith(_BINARY_FORMATS):
         raise _old_format()
+    # Plant models come from outside: an entity could read a file, or grow without bound.
     parser = DefusedXMLParser(target=_BoundedTreeBuilder(limits), forbid_dtd=True)
     try:
         parser.feed(data)
@@ -80,6 +81,7 @@ def parse(data: bytes, limits: Limits) -> Element:
         raise refusal("LIMIT_EXCEEDED", str(error)) from None
     except DefusedXmlException as error:
         raise refusal("FORBIDDEN_XML", f"DTDs and entities are not allowed; remove them: {error}") from error
+    # For an unknown encoding, expat raises LookupError; for one of several bytes, ValueError.
     except (ParseError, LookupError, ValueError) as error:
         raise refusal("MALFORMED_XML", f"neither JSON nor well-formed XML: {error}") from error
     if root.tag in _EDITOR_ROOTS:
@@ -134,6 +136,7 @@ class FormatVersion(IntEnum):
         numbers = _NUMBERS.fullmatch(text)
         if numbers is not None:
             major, minor, patch = (int(number) for number in numbers.groups())
+            # Before 6.0.0, openTCS counted its formats by the last number: 0.0.2 to 0.0.5.
             known = _MAJORS.get(major) if major else _PATCHES.get(patch)
             if minor == 0 and known is not None:
                 return known
@@ -195,10 +198,12 @@ class Findings:
 T = TypeVar("T")
 E = TypeVar("E", bound=StrEnum)
 
+# int() alone accepts 1_000 as well.
 INTEGER: Final = re.compile(r"[+-]?[0-9]{1,15}")
 MAX_SCALE: Final = 1_000_000
 COLOR: Final = re.compile(r"#[0-9A-Fa-f]{6}")
 NONE_RENAMED: Final[Mapping[str, Any]] = MappingProxyType({})
+# XML Schema's boolean has these four forms.
 _BOOLEANS: Final = MappingProxyType({"true": True, "1": True, "false": False, "0": False})
 
 
@@ -234,6 +239,7 @@ class XmlObject:
         value = self._read_value(attribute)
         if value is None and default is None:
             self._report_missing(attribute)
+        # Not stripped: a name may end with a blank, and robots and orders use it as it is.
         return value or default or ""
 
     def optional_text(self, attribute: str) -> str | None:

@@ -122,6 +122,7 @@ def read_drawing(layouts: Iterator[XmlObject]) -> Drawing:
         if drawing is None:
             drawing = _read_drawing(layout)
         else:
+            # Files of 0.0.3 and older may have several.
             layout.warn("DRAWING_DROPPED", "only the first visual layout is used")
     return drawing or Drawing()
 
@@ -180,6 +181,7 @@ def _drawn_by_child(child: XmlObject, tag: str) -> Drawn:
 
 def _position_mm(child: XmlObject) -> tuple[int, int] | None:
     x, y = ("xPosition", "yPosition") if child.findings.is_old else ("positionX", "positionY")
+    # 7.0.0 has no positions of its own in the layout; a left-over is reported as ignored.
     if child.findings.version >= FormatVersion.V7_0_0 or not (child.has(x) and child.has(y)):
         return None
     return child.integer(x), child.integer(y)
@@ -202,6 +204,7 @@ def _layout_elements(layout: XmlObject) -> Iterator[tuple[str, Drawn]]:
         layer_id = element.integer("layer", 0)
         try:
             yield name, _drawn_by_properties(element.properties(), layer_id)
+        # Drawings are decoration: a wrong one must not make the model unreadable.
         except ValueError as error:
             element.warn("DRAWING_DROPPED", f"{name!r} is drawn with defaults: {error}")
 
@@ -241,6 +244,7 @@ def _parse_integer(text: str) -> int:
 FRAME_TOLERANCE_MM: Final = 1
 """Maximum distance between model and drawn position of an object that count as equal."""
 
+# BEZIER is one cubic curve, BEZIER_3 two that join at the third point.
 _CONTROL_POINTS: Final[Mapping[ConnectionType, int]] = MappingProxyType(
     {
         ConnectionType.BEZIER: 2,
@@ -310,7 +314,9 @@ class TrackReader:
         drawn = self._read_drawing.of(obj, "pointLayout")
         x_mm, y_mm, z_mm = position_mm(obj)
         self._positions_mm[obj.name] = (x_mm, y_mm)
+        # Redundant in the format: the paths count, and a difference is only a warning.
         self._outgoing[obj.name] = {child.text("name") for child in obj.children("outgoingPath")}
+        # Since 7.0.0, model and drawing have the same positions.
         drawn_mm = (x_mm, y_mm) if obj.findings.version is FormatVersion.V7_0_0 else drawn.position_mm
         if drawn_mm is None or not same_place((x_mm, y_mm), drawn_mm):
             self.displaced.add(obj.name)
@@ -337,6 +343,7 @@ class TrackReader:
             destination=destination,
             length_mm=self._length_mm(obj, source, destination),
             **given_speeds(obj, max_velocity_mm_s="maxVelocity"),
+            # No default above 0: it would open the path to driving backwards.
             max_reverse_velocity_mm_s=obj.integer("maxReverseVelocity", obj.if_old(0), minimum=0),
             locked=obj.boolean("locked", obj.if_old(value=False)),
             peripheral_operations=tuple(
@@ -402,6 +409,7 @@ def given_speeds(obj: XmlObject, **attributes: str) -> dict[str, Any]:
     speeds: dict[str, Any] = {}
     for name, attribute in attributes.items():
         if obj.findings.is_old and not obj.has(attribute):
+            # openTCS reads 0, which is hardly meant; 1000 is its own default for new objects.
             obj.warn("DEFAULTED", f"{attribute} is missing; 1000 mm/s is used")
         else:
             speeds[name] = obj.integer(attribute, minimum=0)
@@ -518,6 +526,7 @@ def _bounding_box(obj: XmlObject) -> BoundingBox:
 
 
 def _read_thresholds(obj: XmlObject) -> EnergyThresholds:
+    # openTCS's own defaults for new vehicles; missing ones of an old file it reads as 0.
     critical = _read_energy_level(obj, "energyLevelCritical", 30)
     good = _read_energy_level(obj, "energyLevelGood", 90)
     sufficient = _read_energy_level(obj, "energyLevelSufficientlyRecharged", 30)
@@ -541,6 +550,7 @@ def _in_order(obj: XmlObject, low_name: str, low: int, high_name: str, high: int
         return low, high
     text = f"energy thresholds are swapped: {low_name} {low} % is above {high_name} {high} %"
     if obj.findings.is_old:
+        # A real plant of format 0.0.2 has fully recharged at 30 % and sufficiently at 90 %.
         obj.warn("THRESHOLDS_SWAPPED", f"{text}; corrected")
     else:
         obj.error("THRESHOLDS_CROSSED", text)

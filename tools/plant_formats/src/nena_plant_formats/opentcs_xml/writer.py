@@ -44,6 +44,7 @@ def add_point(parent: Element, point: Point, outgoing: Iterable[str]) -> None:
         positionX=point.x_mm,
         positionY=point.y_mm,
         positionZ=point.z_mm,
+        # 7.0.0 requires the attribute; NaN stands for any heading.
         vehicleOrientationAngle="NaN" if point.orientation_deg is None else point.orientation_deg,
         type=point.type,
     )
@@ -306,6 +307,7 @@ def _export_warnings(model: PlantModel) -> Iterator[PlantProblem]:
 def _find_unwritable(root: Element) -> Iterator[PlantProblem]:
     """Yield a problem for each attribute that XML cannot represent."""
     for element in root.iter():
+        # ElementTree would write them, and no parser would read the file again.
         for attribute, value in element.items():
             if _NOT_XML.search(value):
                 text = f"{attribute} of element {element.tag!r} has a character that XML cannot represent"
