@@ -29,6 +29,7 @@ BEHAVIOURS = {**RECOVERIES, "drive_on_heading": "DriveOnHeading"}
 """Names and types of the actions."""
 PERIOD = 0.02
 """Seconds between two checks of the goal."""
+# Measured at the docking server, for an empty ID as well.
 NOT_IN_DATABASE = 901
 DOCK_DISTANCE, DOCK_SPEED = 0.4, 0.2
 """Distance from the staging pose into the dock, m, and speed, m/s."""
@@ -141,6 +142,7 @@ class Behaviours:
                     return Work(name, goal_id, 0.0, (0.0, 0.0), NOT_IN_DATABASE, fails=True)
                 return Work(name, goal_id, DOCK_DISTANCE, (DOCK_SPEED, 0.0))
             case "undock_robot":
+                # Measured: undocking a robot that is not docked ends ABORTED with code 0.
                 if not self._robot.docked:
                     return Work(name, goal_id, 0.0, (0.0, 0.0), fails=True)
                 return Work(name, goal_id, DOCK_DISTANCE, (-DOCK_SPEED, 0.0))

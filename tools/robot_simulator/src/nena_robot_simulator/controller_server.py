@@ -47,6 +47,7 @@ class ControllerServer:
 
     def show(self) -> None:
         """Join or leave the ROS graph, depending on whether the process runs and is configured."""
+        # Endpoints of a killed process stay until its DDS lease ends, 19 to 20 s later.
         if self._robot.servers.listed(Server.CONTROLLER):
             return
         there = self._robot.servers.configured(Server.CONTROLLER)
@@ -85,6 +86,7 @@ class ControllerServer:
         goal_id = messages.goal_id_of(request.goal_info)
         stamp = messages.nanoseconds_of(request.goal_info.stamp)
         answer = self._robot.cancel(goal_id, stamp, self._clock.monotonic(), action)
+        # Only the navigator knows the ID, and it may have died: an empty request stops Nav2 too (measured).
         had_one = not answer.goals and self._robot.cancel_controller()
         response.return_code = 0 if had_one else int(answer.code)
         response.goals_canceling = [messages.goal_info(goal) for goal in answer.goals]

@@ -321,6 +321,7 @@ class Faults:
 
 def disturbed(newest: Snapshot, before: Snapshot, active: Faults) -> tuple[Snapshot, ...]:
     """Return the arrays to publish instead of ``newest``; ``before`` is the previous one."""
+    # Seen under load: writer and reader keep only the last array, so earlier ones can be lost.
     if active.on(TerminalFirst) and not all(goal.ended for goal in newest):
         return ()
     if active.on(ReorderedStatus) and before:

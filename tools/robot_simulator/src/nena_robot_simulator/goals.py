@@ -47,6 +47,7 @@ def of_several(code: int) -> int:
     return code + THROUGH_POSES if by_planner else code
 
 
+# As in rcl (goal_state_machine.c): a goal may still succeed or abort while it is being cancelled.
 _NEXT: dict[GoalStatus, frozenset[GoalStatus]] = {
     GoalStatus.EXECUTING: frozenset(
         (GoalStatus.CANCELING, GoalStatus.SUCCEEDED, GoalStatus.ABORTED),
@@ -112,6 +113,7 @@ class StatusArray:
 
     def entries(self, now: float) -> Snapshot:
         """Return the goals kept at ``now`` (monotonic seconds)."""
+        # rcl publishes nothing when a goal expires. It counts from the end since 9.2.8, not from acceptance.
         for goal_id in [known for known, ended in self._ended_at.items() if now - ended >= self._retention]:
             del self._goals[goal_id], self._ended_at[goal_id]
         return tuple(self._goals.values())
@@ -202,6 +204,7 @@ def _cancel_one(goals: Snapshot, goal_id: UUID) -> CancelAnswer:
     found = next((goal for goal in goals if goal.goal_id == goal_id), None)
     if found is None:
         return CancelAnswer(CancelCode.UNKNOWN_GOAL_ID)
+    # rcl returns this code also for a goal that is CANCELING already.
     if not found.cancelable:
         return CancelAnswer(CancelCode.GOAL_TERMINATED)
     return CancelAnswer(CancelCode.NONE, (found,))

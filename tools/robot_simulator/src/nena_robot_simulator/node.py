@@ -45,6 +45,7 @@ from nena_shared.log import get_logger
 log = get_logger(__name__)
 
 RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+# Many drivers of bases and batteries publish so; reliable subscribers receive nothing from them.
 BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 FAULTS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
@@ -54,6 +55,7 @@ LOOP_PERIOD = 0.01
 """Period of the behaviour tree (``bt_loop_duration``), seconds."""
 BASE_PERIOD = 0.05
 """Period of odometry and laser scans, seconds."""
+# Nav2's default tree replans at 1 Hz, and the planner publishes each plan.
 PLAN_PERIOD = 1.0
 BATTERY_PERIOD = 1.0
 GOAL_QUEUE_LIMIT = 10
@@ -248,6 +250,7 @@ class RobotNode:
         self._delivery.cancel()
         while self._goal_queue:
             pose, frame_id = self._goal_queue.popleft()
+            # Nothing answers a goal by topic, so this one is lost without a trace.
             if self.hangs:
                 continue
             self._accept_goal(Goal(uuid.uuid4(), pose, frame_id), Action.TO_POSE)
@@ -275,9 +278,11 @@ class RobotNode:
         return stamp if taken else None
 
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
+        # Also while inactive: AMCL keeps such a pose for its activation (measured).
         if not self._robot.servers.runs(Server.LOCALISATION):
             return
         pose = messages.pose_of(message.pose.pose)
+        # AMCL wants exactly its own frame, and drops other poses with a line in its log.
         if pose is None or message.header.frame_id != self._settings.map_frame:
             self._log.warning("initial pose ignored: invalid numbers or frame", frame=message.header.frame_id)
             return
@@ -295,6 +300,7 @@ class RobotNode:
         stamp = messages.nanoseconds_of(request.goal_info.stamp)
         answer = self._robot.cancel(goal_id, stamp, self._clock.monotonic(), action)
         self._publish_statuses()
+        # The array with CANCELING comes before the answer, as in rcl.
         response.return_code = int(answer.code)
         response.goals_canceling = [messages.goal_info(goal) for goal in answer.goals]
         self._log.info("cancel", goal=str(goal_id), code=answer.code.name, goals=len(answer.goals))
@@ -331,6 +337,7 @@ class RobotNode:
             self.manage(Server.MANAGER, Command.SHUTDOWN)  # ends the goals, and tells their clients
         self._robot.apply(fault, goal_id=uuid.uuid4(), accepted_ns=self._time_stamp(), now=now)
         self._log.info("fault", **fault.model_dump())
+        # The map is latched and published on change only, so one lost in the silence would never come.
         if was_silent and not self._is_silent:
             self._publish_map()
 
@@ -360,6 +367,7 @@ class RobotNode:
             self._publish_plan()
             self._replanning.reset()
         if self._robot.resting:
+            # 50 resting robots in one process would wake it 5,000 times per second.
             self._loop.cancel()
 
     def _advance_robot(self, now: float) -> None:
@@ -430,6 +438,7 @@ class RobotNode:
             if snapshots:
                 self._held_back[action] = snapshots[-1]
             return
+        # A writer keeps only its last array, so this is what arrives after a break of the network.
         held_back = self._held_back.pop(action, None)
         if held_back is not None and not snapshots:
             snapshots = [held_back]

@@ -72,6 +72,7 @@ def read_map(path: str) -> GridMap:
         raise BadMapError(BAD_IMAGE)
     width, height = int(header[1]), int(header[2])
     rows = [content[header.end() + at * width :][:width] for at in range(height)]
+    # An image begins at the top, a map at the bottom.
     cells = b"".join(bytes(OCCUPIED if grey < DARK else FREE for grey in row) for row in reversed(rows))
     if len(cells) != width * height:
         raise BadMapError(BAD_IMAGE)
@@ -137,6 +138,7 @@ def costmap_parameters(session: RosSession, footprint: str) -> None:
 
 def _of_costmap(topic: str) -> str:
     """Return the name of a costmap's topic: a relative one is in the namespace of its own node."""
+    # Measured: without the mask from there, the planner plans through the zone.
     return topic if topic.startswith("/") else f"global_costmap/{topic}"
 
 
@@ -158,12 +160,14 @@ class Offers:
         self._collision_stop: str | None = None
         self._collision_kind = interface("nav2_msgs/msg/CollisionMonitorState")
         if self._collision_kind:
+            # As measured, not latched: a late subscriber does not learn that the robot is being stopped.
             self._collision = session.publisher(self._collision_kind, "collision_monitor_state", RELIABLE)
         if kind := interface("nav2_msgs/msg/SpeedLimit"):
             session.subscribe(kind, "speed_limit", self._on_speed_limit, RELIABLE)
 
     def _on_filter_info(self, message: Any) -> None:  # noqa: ANN401
         """Subscribe to the mask of a keep-out filter, like the costmaps."""
+        # Type 0 is a keep-out filter; the others limit the speed.
         if self._mask is None and message.type == 0:
             topic = _of_costmap(message.filter_mask_topic)
             self._mask = self._session.subscribe(OccupancyGrid, topic, self._on_mask, LATCHED)

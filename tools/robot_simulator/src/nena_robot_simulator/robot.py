@@ -35,8 +35,10 @@ from nena_robot_simulator.sensors import Battery, Estimate, Localisation
 from nena_robot_simulator.servers import STOPPING, LifecycleState, Server, Servers
 from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
 
+# Each halted node of the tree waits for its server, by default up to twice 20 ms.
 HALTING = (0.020, 0.050)
 """Minimum and maximum time that halting the behaviour tree takes, seconds."""
+# Nav2's default trees replan at 1 Hz and 0.33 Hz.
 SEVERAL_SLOWER = 3.0
 """How much longer the replanning period of NavigateThroughPoses is than that of NavigateToPose."""
 TRANSFORM_TIMEOUT = 1.0
@@ -215,6 +217,7 @@ class Robot:
             navigator.target.goal_id,
             self._reported_pose(self.pose),
             seconds=seconds,
+            # Measured: 0.00 in the first message, and as long as there is no path.
             left=drive.left(self.pose) if now >= self._path_from else 0.0,
             speed=self.velocity[0],
             recoveries=recoveries,
@@ -251,6 +254,7 @@ class Robot:
     def limit_speed(self, limit: float, *, percentage: bool) -> None:
         """Limit the speed to ``limit``, m/s or percent of the robot's own speed; 0 removes the limit."""
         own = self._own_limits.speed
+        # Measured with Regulated Pure Pursuit: 150 % is faster, and a negative limit drives backwards.
         speed = own * limit / 100.0 if percentage else limit
         self._limits = replace(self._own_limits, speed=speed or own)
 
@@ -258,6 +262,7 @@ class Robot:
         """Move the robot to ``pose``, both its true and its estimated pose."""
         odometry = self.odometry
         self._motion = Motion(pose, self._motion.speed, self._motion.yaw_rate)
+        # REP 105: odom must not jump, so the correction is in map -> odom.
         self._odom_origin = pose.then(odometry.inverse())
         self._localisation.initialise()
 
@@ -334,6 +339,7 @@ class Robot:
             if gone:
                 navigator.restart()
                 if server is Server.CONTROLLER:
+                    # speed_limit is not latched: a new controller has no limit until the next message.
                     self._limits = self._own_limits
             active = self.servers.state(server) is LifecycleState.ACTIVE
             navigator.set_active(active=active and not gone)
@@ -376,6 +382,7 @@ class Robot:
         self._move_robot(seconds * self._time_factor, now)
         own = self._driven_for is Action.FOLLOW_PATH
         if self._tree_lost:
+            # Measured: the controller drives its path to the end, and no bond stops it.
             self._alone = self._drive is not None and not own
         if not own and (self._alone or not self.servers.runs(Server.NAVIGATOR)):
             self._end_alone(now)
@@ -424,6 +431,7 @@ class Robot:
         """Make the behaviour tree fail, without a code, if a server that it called is silent for too long."""
         called_at = self._drive.unanswered_at if self._drive is not None and not self._alone else None
         if self._drive is not None and called_at is not None and now - called_at >= self._server_timeout:
+            # Measured: the goal ends ABORTED with code 0, because no server has returned one.
             self._drive.fail(ErrorCode.NONE)
 
     def _look_for_transform(self, seconds: float, now: float) -> None:
@@ -432,6 +440,7 @@ class Robot:
         AMCL dates its transforms ahead: if Nav2 has no older one, it has none at first.
         """
         lost = not self._localisation.known or not self.servers.works(Server.LOCALISATION)
+        # Measured: after such an outage, a goal in the first second ends ABORTED with 102.
         if not lost and self._unlocalised_for >= TRANSFORM_BUFFER:
             self._transform_from = now + TRANSFORM_AHEAD
         self._unlocalised_for = self._unlocalised_for + seconds if lost else 0.0
@@ -473,6 +482,8 @@ class Robot:
             self._drive = self._drive if self._alone else None
             return
         self._see_goal(target, now)
+        # Measured: a new goal does not reset the clock of the tree. Until its next tick the old path is
+        # driven, and if that ends first, the new goal has succeeded.
         replans = self._drive is None or self._alone or now >= self._replan_at
         if not replans:
             return
@@ -482,6 +493,7 @@ class Robot:
             drive = self._drive = self._plan_drive(target, several=several, now=now)
             self._stuck_for, self._alone = 0.0, False
         answered = self.servers.works(Server.PLANNER) and self.servers.works(Server.CONTROLLER)
+        # The tree calls its servers when it replans, so one that has died is missed only then.
         drive.unanswered_at = None if answered else drive.unanswered_at or now
         self._poses_left = drive.places_left
 
@@ -523,6 +535,7 @@ class Robot:
         self.faults.spend(faults.AbortHalfway)
         if end is not None and abort is not None:
             code = abort.error_code
+        # Measured: recoveries precede 208 only; outside the map, the goal ends after 0.1 s (204).
         recovers = end is None and code == ErrorCode.NO_VALID_PATH and self.servers.works(Server.BEHAVIOURS)
         return Drive(
             target,
@@ -541,6 +554,7 @@ class Robot:
     def _end_of(self, target: Target) -> tuple[Pose | None, int]:
         """Return the end of the planner's path to a target, or the error code without one."""
         if math.isnan(target.pose.x):
+            # messages.NOWHERE: a goal without poses.
             return None, ErrorCode.NO_VIAPOINTS_GIVEN
         if not self.servers.works(Server.PLANNER):
             return None, ErrorCode.NONE
@@ -584,12 +598,14 @@ class Robot:
         if self._commander is not None and not self.servers.there(self._commander):
             self._commander = None
         timeout = self._settings.drive.command_timeout
+        # Measured: a base without a time-out drives on after its controller has died.
         if timeout and now - self._commanded_at >= timeout:
             self._command = (0.0, 0.0)
 
     def _command_of_base(self, now: float) -> tuple[Server | None, tuple[float, float] | None]:
         """Return which server commands the base, and how, m/s and rad/s; None if no server does."""
         drive = self._drive
+        # The collision monitor is the last one before the base; no server learns that it has stopped it.
         if self.faults.on(faults.Stuck) or self.faults.on(faults.CollisionStop):
             return None, (0.0, 0.0)
         if drive is None:

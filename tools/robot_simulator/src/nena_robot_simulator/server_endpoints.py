@@ -73,6 +73,7 @@ class ServerEndpoints:
         """Make each server join or leave the ROS graph, and publish its transitions."""
         servers = self._robot.servers
         for server in Server:
+            # A killed process stays in the graph until its DDS lease ends; its services look ready.
             if servers.listed(server):
                 continue
             self._keep_endpoints(
@@ -128,6 +129,7 @@ class ServerEndpoints:
 
     def _manager_services(self, manager: Server) -> list[Any]:
         def awake() -> bool:
+            # Measured: during the bring-up is_active exists, but does not answer.
             return self._robot.servers.runs(manager) and not self._robot.faults.on(faults.BringUp)
 
         def respond(_request: Trigger.Request, answer: Answer) -> None:
@@ -169,6 +171,7 @@ def _answer_parameters(
 
 def _parameter_value(value: Value) -> ParameterValue:
     match value:
+        # Before int, because a bool is one.
         case bool():
             return ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value)
         case int():

@@ -209,6 +209,7 @@ class Servers:
         if before is None or after is None or self._states[server] is not before:
             return False
         self._states[server] = after
+        # The lifecycle manager makes its bond with a server when it activates it.
         if after is LifecycleState.ACTIVE:
             self._unbound.discard(server)
         self._changes.append(Change(server, transition, before, after))
@@ -275,6 +276,7 @@ class Servers:
         """Deactivate the active ones up to the first one without an answer; return whether all answer."""
         for server in reversed(MANAGED[manager]):
             if not self.runs(server):
+                # Measured: the manager hangs in deactivating a killed node, also after that has returned.
                 if self.listed(server):
                     self._hung.add(manager)
                 return False

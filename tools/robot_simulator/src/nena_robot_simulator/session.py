@@ -50,8 +50,10 @@ class RosSession:
             parameter_overrides=[NO_TYPE_DESCRIPTIONS],
         )
         self._callbacks = ReentrantCallbackGroup()
+        # 0051: the EventsExecutor takes half a core, and its sessions do not end.
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self._node)
+        # rclpy's default clock is the system's: setting it would delay or hurry all timers.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._spin_executor, name=f"ros {name}", daemon=True)
@@ -143,11 +145,13 @@ class RosSession:
         try:
             yield
         except Exception:
+            # An exception in a callback would end spinning, and with it the whole robot.
             log.exception("callback failed", robot=self._name, work=work)
 
     def close(self, timeout: float = 1.5) -> None:
         """Stop the thread within ``timeout`` seconds, then destroy node and context."""
         if self._thread.is_alive():
+            # A task wakes the executor, which waits in spin_once without a time limit.
             self._executor.create_task(self._stop.set)
             self._thread.join(timeout)
         if self._thread.is_alive():

@@ -60,6 +60,7 @@ class DriveSettings(SettingsGroup):
         description="Deceleration that the base reaches, m/s². Unset: that of 'acceleration', on which the "
         "controller counts; below it, the robot rolls past its goals.",
     )
+    # Measured: the base stood 0.7 s after all servers had been killed.
     command_timeout: float = Field(
         0.7,
         ge=0,
@@ -181,6 +182,7 @@ class SimulatorSettings(ProgramSettings):
         le=100,
         description="Factor by which robots move faster than real time; Nav2's delays are unchanged.",
     )
+    # Nav2's action_server_result_timeout; rcl's own default is 10 s.
     result_timeout: float = Field(
         900.0, gt=0, description="Time that an ended goal stays in the status array, seconds."
     )
@@ -198,6 +200,7 @@ class SimulatorSettings(ProgramSettings):
         description="Time in which a robot without a path spins, waits and backs up before its goal is "
         "aborted, seconds; 17 to 21 with Nav2's default behaviour tree. 0: at once.",
     )
+    # Nav2's default, with which a loaded computer aborts good drives (measured).
     server_timeout: float = Field(
         0.02,
         gt=0,
@@ -233,6 +236,7 @@ class SimulatorSettings(ProgramSettings):
         place = {"name": f"{robot.name}-{index + 1}", "start": _start_beside(robot.start, index)}
         if self.separate_domains:
             return robot.model_copy(update={**place, "domain_id": robot.domain_id + index})
+        # Not the number alone: a part of a namespace must not begin with a digit.
         return robot.model_copy(update={**place, "namespace": f"{robot.namespace or 'r'}{index + 1}"})
 
     @model_validator(mode="after")

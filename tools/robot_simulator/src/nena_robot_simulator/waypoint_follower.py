@@ -84,6 +84,7 @@ class WaypointFollower:
 
     def _drive_to_next(self, tour: _Tour) -> None:
         stamped = tour.poses[tour.index]
+        # As in Nav2, other clients see a foreign goal in the navigator's status array.
         goal = Goal(uuid4(), messages.goal_pose_of(stamped.pose), stamped.header.frame_id)
         tour.drive = goal.goal_id if self._take(goal, Action.TO_POSE) is not None else None
 
