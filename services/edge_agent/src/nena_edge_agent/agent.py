@@ -183,6 +183,7 @@ class RobotAgent:
                     # OFFLINE would tell fleet control that the robot has left in order (6.5).
                     await self._publish_disconnection(ConnectionState.CONNECTION_BROKEN)
                     raise
+                # Before the DISCONNECT, with which the broker discards the will (MQTT 3.1.1, 3.14.4).
                 await self._publish_disconnection(ConnectionState.OFFLINE)
         finally:
             self._runner.close()
@@ -376,6 +377,7 @@ class RobotAgent:
         if self._visualizations.due <= now:
             if self._link.state.connected and self._core.robot.reports.pose is not None:
                 headers = self._messages.headers
+                # Since 3.0, a visualization names the state that it belongs to (referenceStateHeaderId, 7.9).
                 header, state_id = headers.make(Topic.VISUALIZATION), headers.last_id(Topic.STATE)
                 self._publish_message(
                     self._messages.visualization(self._core.visualization(header, state_id))
@@ -410,6 +412,7 @@ class RobotAgent:
             self._settings.mqtt,
             client_id=client_id_of(self.robot, self._messages.topics, self._settings.mqtt),
             hooks=LinkHooks(
+                # VDA 5050 3.0 (6.5) requires a will, and 2.x (6.14) allows one: each version gets it.
                 will=lambda: self._messages.connection(ConnectionState.CONNECTION_BROKEN),
                 on_connected=self._first_messages,
                 on_subscribed=self._on_subscribed,
@@ -450,6 +453,7 @@ class RobotAgent:
         state = ConnectionState.HIBERNATING if self._core.power.silent else ConnectionState.ONLINE
         greetings = [
             self._messages.connection(state),
+            # Also without a request, so that fleet control finds it retained before it asks (2.1: 6.15).
             self._messages.factsheet(self._core.robot.reports.limits),
         ]
         for message in greetings:

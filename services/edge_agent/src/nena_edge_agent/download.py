@@ -83,6 +83,7 @@ def _fetch_file(link: str, settings: DownloadSettings) -> bytes:
                 parts.append(part)
                 size += len(part)
                 _check_size(link, size, end, settings)
+            # read1 returns an early end of the connection as if it were the end of the file.
             if answer.length:
                 message = f"{link} ended {answer.length} bytes early"
                 raise DownloadError(message)
@@ -113,9 +114,12 @@ class _NetworkRange(StrEnum):
     @classmethod
     def of_address(cls, address: str) -> _NetworkRange:
         """Return the range of an IP address."""
+        # An IPv6 address may end with its zone: fe80::1%eth0 (RFC 4007, 11).
         host = ip_address(address.partition("%")[0])
         if isinstance(host, IPv6Address):
+            # ::ffff:127.0.0.1 reaches 127.0.0.1 (RFC 4291, 2.5.5.2).
             host = host.ipv4_mapped or host
+        # Linux connects to this machine for 0.0.0.0 and ::, too.
         if host.is_loopback or host.is_unspecified:
             return cls.ROBOT
         if host.is_link_local:
@@ -193,6 +197,7 @@ class _Redirects(HTTPRedirectHandler):
 
     def redirect_request(self, req: Request, *answer: Any) -> Request | None:  # noqa: ANN401
         new = super().redirect_request(req, *answer)
+        # Without a mapHash or zoneSetHash, only TLS protects the file.
         if new is not None and req.type == "https" and new.type != "https":
             message = f"the server redirects from https to {new.full_url}"
             raise DownloadError(message)

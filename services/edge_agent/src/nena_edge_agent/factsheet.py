@@ -34,6 +34,7 @@ def braking_distance(description: DescriptionSettings) -> float:
     return speed * 0.5 + (speed * speed / (2 * deceleration) if deceleration else 0.0)
 
 
+# Measured (Nav2 1.3.13): its default trees replan at 1 Hz, and at 0.33 Hz for several poses.
 SEVERAL_SLOWER = 3.0
 """Ratio of Nav2's replanning periods for several poses and for one."""
 ANSWER_TIME = 0.5
@@ -86,6 +87,7 @@ def make_factsheet(
 ) -> factsheet.Factsheet:
     """Return the factsheet (section 7.10); ``limits`` are navigation's, None: not reported."""
     offered = [action for action in capabilities.actions.values() if not action.unavailable]
+    # A factsheet without load positions means a robot without a load handling device (7.10).
     load_positions = ("platform",) if any(action.load for action in offered) else ()
     return factsheet.Factsheet(
         **header,
@@ -93,6 +95,7 @@ def make_factsheet(
         physical_parameters=_physical_parameters(settings),
         protocol_limits=_protocol_limits(settings, capabilities.maximum_nodes),
         protocol_features=factsheet.ProtocolFeatures(
+            # What is missing here counts as unsupported (7.10): fleet control must not send it.
             optional_parameters=supported(capabilities, limits),
             mobile_robot_actions=tuple(
                 _action_description(declaration, capabilities.rules) for declaration in offered
@@ -172,6 +175,7 @@ def _action_description(declaration: ActionDeclaration, rules: Rules) -> factshe
             for parameter in declaration.parameters
         ),
         action_result=declaration.result or None,
+        # Instant actions are always NONE since 3.0 (7.4).
         blocking_types=(BlockingType.NONE,) if declaration.only_instant else declaration.blocking_types,
         pause_allowed=declaration.pause_allowed,
         cancel_allowed=declaration.cancel_allowed,
@@ -180,6 +184,7 @@ def _action_description(declaration: ActionDeclaration, rules: Rules) -> factshe
 
 def _listed_key(declaration: ActionDeclaration, parameter: Parameter, rules: Rules) -> str:
     """Return the parameter's key in the robot's version of VDA 5050."""
+    # 3.0.1 renamed `lhd` of pick and drop to `loadHandlingDevice` (6.2.3); both are read.
     device = declaration.action_type in STATION_ACTIONS and parameter.key in LOAD_HANDLING_DEVICE
     return rules.load_handling_device_key if device else parameter.key
 

@@ -42,6 +42,7 @@ def lock_journal(folder: Path, robot: RobotKey) -> Iterator[None]:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             file = stack.enter_context(path.open("wb"))
+            # The kernel releases this lock with the process, so a killed agent leaves none behind.
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             message = f"another edge agent is running for robot {robot}: stop it first ({path} is locked)"
@@ -105,6 +106,7 @@ class Journal:
             numbers = (*_block_numbers(content[:half]), *_block_numbers(content[half:]))
             self._begun = max(self._number, max((number for number in numbers if number), default=0))
             fields = {"format": FORMAT} | json.loads(record)
+            # 0018: another version's record is never guessed; a person removes it after checking the robot.
             if fields["format"] == FORMAT:
                 return Memory.model_validate_json(json.dumps(fields))
         except OSError as error:
@@ -142,6 +144,7 @@ class Journal:
             OSError: the disk has failed, and may not have the record.
         """
         with self._file.open("rb", buffering=0) as file:
+            # Not fsync: the file keeps its size, so the disk only has to write these bytes (0005).
             os.fdatasync(file.fileno())
         # A new file also needs its name on disk.
         if self._made:
@@ -154,6 +157,7 @@ class Journal:
         with suppress(FileNotFoundError), self._file.open("r+b", buffering=0) as file:
             half = os.fstat(file.fileno()).st_size // 2
             if len(record) <= half // BLOCK * (BLOCK - LABEL):
+                # Measured (0005): durable in 0.4 ms, where a new file in place of the old one takes 1 ms.
                 if os.pwrite(file.fileno(), _frame_record(number, record, half), number % 2 * half) < half:
                     raise OSError(errno.EIO, "the disk took only a part of the record")
                 return True
@@ -186,6 +190,7 @@ def read_journal(journal: Journal | None) -> tuple[Memory | None, str]:
 
     """
     try:
+        # 0018: the agent starts even so, because its state tells fleet control of the loss.
         return (journal.read() if journal else None), ""
     except UnreadableJournalError as error:
         return None, str(error)
@@ -352,6 +357,8 @@ class Recorder:
         self._begun, self._deadline = version, loop.time() + WRITE_TIMEOUT
         self._written = self._durable = None  # a failed record may have overwritten the previous one
         written: SimpleQueue[bool] = SimpleQueue()
+        # Encoded here, not in the thread, whose core has none of these objects in its caches: measured, 6 %
+        # less time from order to goal.
         self._record = loop.run_in_executor(None, _write_record, self._journal, record_of(memory()), written)
         self._record.add_done_callback(_consume_result)
         # Blocking on purpose: two switches of tasks take longer than the kernel usually does.

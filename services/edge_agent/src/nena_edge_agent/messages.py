@@ -45,6 +45,7 @@ from nena_shared.vda5050.visualization import Visualization
 from nena_shared.vda5050.zone_set import ZoneSetTransfer
 
 WRAP = 2**32
+# A record per message would cost more; a reader may drop a message whose headerId is not newer (0018).
 RESERVE = 100
 """Number of headerIds reserved at once; a restart skips at most as many."""
 TOPICS = (Topic.STATE, Topic.VISUALIZATION, Topic.CONNECTION, Topic.FACTSHEET)
@@ -154,6 +155,7 @@ class RobotMessages:
         the connect must not remain ONLINE.
         """
         message = Connection(**self.headers.make(Topic.CONNECTION), connection_state=state)
+        # The only topic that the standard wants with QoS 1 (4.1; 2.1: 6.2), whatever the setting `qos` says.
         return self._outbound_message(Topic.CONNECTION, message, qos=1, retain=True, keep=True)
 
     def factsheet(self, limits: DriveLimits | None = None) -> Outbound:
@@ -168,6 +170,7 @@ class RobotMessages:
 
     def visualization(self, message: Visualization) -> Outbound:
         """Return the visualization message (section 6.7), which is dropped if the link is down."""
+        # QoS 0 as in the standard (4.1; 2.1: 6.2): the next message makes up for a lost one.
         return self._outbound_message(Topic.VISUALIZATION, message, qos=0)
 
     def _outbound_message(
@@ -180,6 +183,7 @@ log = get_logger(__name__)
 M = TypeVar("M", Order, InstantActions, ZoneSetTransfer, Responses)
 
 
+# The standard ends such an error by the next accepted order (6.6.5.4), which does not concern these topics.
 _UNTIL = {
     Topic.INSTANT_ACTIONS: Until.INSTANT_ACTION_ACCEPTED,
     Topic.ZONE_SET: Until.ZONE_SET_ACCEPTED,
@@ -281,6 +285,7 @@ class Inbox:
             self._refuse_message(str(malformed), topic, malformed.references)
             return None
         addressee = RobotKey(command.manufacturer, command.serial_number)
+        # The header names the robot in both directions (7.2; 2.1: 6.4): another name means a wrong topic.
         if addressee != self._robot:
             self.counts.misdirected += 1
             references = {"headerId": str(command.header_id)}
@@ -295,6 +300,7 @@ class Inbox:
         if self._strict:
             return self._codec.decode(kind, payload)
         command, repairs = read_command(kind, self._codec, payload, now=self._clock.now())
+        # The type of a parameter's value is in the robot's factsheet (7.10), not in the message's schema.
         command, texts = self._with_values(command)
         repairs += texts
         if repairs:

@@ -272,6 +272,7 @@ class MetricsServer:
         self._clients += 1
         try:
             if self._clients <= CLIENTS:
+                # Once for the request, and once for a disk that hangs.
                 async with asyncio.timeout(2 * REQUEST_TIMEOUT):
                     head = await reader.readuntil(b"\r\n\r\n")
                     writer.write(await self._answer_request(head.split(b"\r\n", 1)[0].split(b" ")))

@@ -389,6 +389,7 @@ WAITING: Final = frozenset({"select", "poll", "epoll", "_run_once"})
 """Functions in which an event loop waits."""
 
 
+# The agent cannot guard against a plug-in that blocks its only event loop (0020): a test must find it.
 class Watchdog:
     """Watches the running event loop; ``blocked`` is the line of code that has blocked it, or empty."""
 

@@ -109,6 +109,7 @@ async def run_command(
 def _output_file() -> AbstractContextManager[IO[bytes] | None]:
     """Return a file for the output of a command, None if the disk is full."""
     try:
+        # Not a pipe: a child process that continues would keep it open, and the command would not end.
         return TemporaryFile()
     except OSError as error:
         log.warning("the output of a power command is lost", problem=str(error))

@@ -183,6 +183,7 @@ def _agent_maker(
 
 def effective_operations(external: Installed, settings: EdgeAgentSettings) -> tuple[OperationBase, ...]:
     """Return the robot's operations; installed plug-ins replace default ones of the same action type."""
+    # 0020: settings take precedence over plug-ins, and plug-ins over default operations.
     if "operations" in settings.model_fields_set:
         return settings.operations
     return tuple(

@@ -23,6 +23,7 @@ _MESSAGES = (
     events.ResponsesReceived,
     events.MessageRefused,
 )
+# Each is complete: a goal table, too, lists all goals that Nav2 remembers, not the changes.
 _SUPERSEDED = (PoseReport, BatteryReport, GoalTable, PlanReport, DriveProgress)
 
 
@@ -104,6 +105,7 @@ class Postponed:
             return [*waiting, *effects]
         ready: list[events.Effect] = []
         for effect in effects:
+            # 0018: while the disk fails, nothing new starts, and what stops or ends something works at once.
             if isinstance(effect, STARTS):
                 self._waiting.append(effect)
             else:

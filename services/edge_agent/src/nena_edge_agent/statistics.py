@@ -50,6 +50,7 @@ class AgentStatistics:
                 self._recoveries_of_drive = 0
             case SessionReport():
                 self.session = event.state
+            # A timestamp repaired to the time of arrival would always show a skew of 0.
             case events.OrderReceived(utc=utc) if utc and event.dated:
                 self.fleet_clock.measure(event.order.timestamp, utc)
             case _:

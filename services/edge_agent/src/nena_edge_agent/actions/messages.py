@@ -16,6 +16,7 @@ from pydantic import JsonValue
 from nena_edge_agent.nav2.session_control import prepare_environment
 from nena_shared.vda5050.factsheet import ValueDataType
 
+# 0020: templates only substitute, no formats or expressions, because the values come from a network.
 _PART: Final = re.compile(r"\{\{|\}\}|\{(?P<name>[A-Za-z_][A-Za-z0-9_]*)\}|(?P<lone>[{}])")
 _WHOLE: Final = re.compile(r"\{([A-Za-z_][A-Za-z0-9_]*)\}")
 
@@ -220,10 +221,13 @@ def _read_scalar(value: JsonValue, scalar: Scalar, path: str) -> Any:  # noqa: A
     match scalar.kind, value:
         case ScalarKind.BOOLEAN, bool():
             return value
+        # Before the numbers: bool is a subclass of int.
         case ((ScalarKind.INTEGER | ScalarKind.NUMBER), bool()):
             pass
         case ScalarKind.INTEGER, int() if scalar.low <= value <= scalar.high:
             return value
+        # Measured (rclpy 7.1.6): an int in a float field is sent as 5e-324 or the like, and NaN as it is;
+        # Nav2's navigators check neither.
         case ScalarKind.NUMBER, int() | float() if math.isfinite(value):
             return float(value)
         case ScalarKind.TEXT, str() if scalar.longest is None or len(value) <= scalar.longest:

@@ -83,11 +83,13 @@ class Nav2Operation:
             result = await self._client.run(_goal_fields(self._settings, action))
         except ActionFailedError as error:
             code, text = error.result.get("error_code", 0), error.result.get("error_msg", "")
+            # Measured (1.3.13): a cancelled goal may carry the code of an earlier failure, such as 208.
             meaning = None if error.cancelled else meaning_of(int(code), str(text))
             details = "; ".join(part for part in meaning if part) if meaning else ""
             raise WorkFailedError(f"{error}: {details}" if meaning else str(error)) from error
         except RosError as error:
             raise WorkFailedError(str(error)) from error
+        # Only the docking actions have this field.
         if result.get("success") is False:
             message = "the server reports failure"
             raise WorkFailedError(message)
@@ -111,6 +113,7 @@ def _goal_fields(settings: Nav2OperationSettings, action: Action) -> dict[str, J
         case Behaviour.SPIN:
             return {"target_yaw": _number_of(action, ANGLE), "time_allowance": {"sec": seconds}}
         case _:
+            # nav2_behaviors refuses a distance and a speed of different signs, except from BackUp.
             away = -1.0 if settings.behavior is Behaviour.BACK_UP else 1.0
             return {
                 "target": {"x": away * _number_of(action, DISTANCE)},

@@ -109,6 +109,7 @@ class RosActionClient(Protocol):
         ...
 
 
+# 0020: names and plain data, so that plug-ins need no ROS classes, and the port outlives a session.
 class RosPort(Protocol):
     """ROS in the robot's namespace and domain; endpoints are recreated in each new ROS session."""
 
@@ -198,6 +199,7 @@ class PluginUnavailableError(Exception):
     """A plug-in cannot work on this robot, for the reason in the message; only its actions are missing."""
 
 
+# 0020: methods, because a coroutine can be cancelled but not paused, and machines are paused.
 class RunningAction(Protocol):
     """One running action (VDA 5050 3.0 section 6.6.9).
 

@@ -53,6 +53,7 @@ from nena_shared.vda5050.factsheet import ValueDataType
 from nena_shared.vda5050.state import Load
 
 ACTION_ID = "actionId"
+# As for `pick` in the standard (6.2.3; 2.1: 6.8).
 LOAD_PARAMETERS = tuple(
     ParameterSettings(key=key, required=False, description=f"the {what} of the load, for the state")
     for key, what in (("loadId", "id"), ("loadType", "type"))
@@ -219,6 +220,7 @@ class Answer:
             if answered.done():
                 return
             text = self._result_text(message)
+            # First: without fields in `match`, every message would end the action as a success.
             if failed is not None and matches(message, failed):
                 reason = text or f"{self._settings.topic} reported failure"
                 answered.set_exception(WorkFailedError(reason))
@@ -267,6 +269,7 @@ class Call:
     ) -> None:
         request, response = shapes
         has = response.fields
+        # The convention of std_srvs (Trigger, SetBool): `success`, and `message` with the reason.
         usual: FieldValues = {SUCCESS: True} if SUCCESS in has else {}
         expected = usual if settings.expect is None else settings.expect
         self._settings = settings

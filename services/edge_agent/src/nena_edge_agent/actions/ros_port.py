@@ -201,6 +201,7 @@ class _Subscription:
     def join(self, handle: Callable[[Fields], None]) -> None:
         """Add a subscriber; on a latched topic it also receives the last message."""
         self._handlers.append(handle)
+        # DDS delivers the latched message once to this subscription, which all actions share.
         if self._last is not None and self._qos is TopicQos.LATCHED:
             self._deliver_fields(handle, self._last)
 
@@ -256,6 +257,7 @@ class _Client:
         return read_fields(response)
 
 
+# 0024: rclpy's ActionClient chooses the goal's ID itself and has no timeouts; on the wire, both are the same.
 class _Action:
     """A ROS action through its hidden services: a goal with our own ID, its result, and its end."""
 
@@ -327,6 +329,7 @@ class _Action:
                 f"its result did not arrive: compare the version of {self._package} on this computer with "
                 "that of the server"
             )
+        # Measured (1.3.13): after action_server_result_timeout, a server answers at once with status 0.
         elif answer.status != status:  # its fields are defaults
             result, missing = {}, "the server has dropped its result (action_server_result_timeout)"
         if missing:
@@ -355,6 +358,7 @@ class _Action:
                 await asyncio.wait((call,), timeout=GLANCE)
                 seen = self._server_endpoints()
                 servers = servers or seen
+                # Measured (1.3.13): a killed server seems ready for 20 s; its goals never get a result.
                 if seen - servers or (servers and not seen):
                     message = f"the server of {self._name} has ended or was restarted during the goal"
                     raise RosError(message)
@@ -373,6 +377,7 @@ class _Action:
 
     async def _cancel_goal(self, session: RosSession, goal_id: Any) -> None:  # noqa: ANN401
         request = self._cancel.srv_type.Request()
+        # Without a stamp: with one, all goals accepted before it would be cancelled too (rcl_action).
         request.goal_info.goal_id = goal_id
         if await session.call(self._cancel, request, seconds=ANSWERS_WITHIN) is None:
             log.warning("a goal was not cancelled: the action server does not answer", action=self._name)

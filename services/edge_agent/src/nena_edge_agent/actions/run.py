@@ -38,6 +38,7 @@ def _is_one(kind: type) -> Callable[[Any], bool]:
     return lambda value: isinstance(value, kind)
 
 
+# 0020: a wrong type could not be encoded, and the robot would send no state any more.
 _FIELD_CHECKS: Final[Mapping[str, tuple[Callable[[Any], bool], str]]] = {
     "result": (_is_one(str), "a text"),
     "loads": (_all_of(Load), "a tuple of Load"),
@@ -183,6 +184,7 @@ class Run:
         self._progress.drop_report()
         if previous is ActionStatus.INITIALIZING or report.status is ActionStatus.PAUSED:
             self._stop_waiting()
+        # A pause may last as long as a person wants: it does not count.
         self._limit.switch(on=report.status is ActionStatus.RUNNING)
         self._send_report(report)
 
@@ -306,6 +308,7 @@ class ActionRunner:
         if plugin is None:
             self._fail_action(action.action_id, f"this robot no longer has the action '{action.action_type}'")
             return
+        # A retry has the same ID (3.0, 6.2.3): a late report of the first try must not end the second (0020).
         if earlier_run := self._runs.pop(action.action_id, None):
             earlier_run.abandon()
         run = Run(action, plugin, self._on_report, self._timeouts)

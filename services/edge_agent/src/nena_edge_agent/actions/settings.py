@@ -226,6 +226,7 @@ class Nav2OperationSettings(OperationBase):
 
     @model_validator(mode="after")
     def _check_scope(self) -> Self:
+        # Only SOFT and HARD forbid the order's own driving meanwhile (VDA 5050, 6.2.2; 2.1: 6.12).
         if self.scopes != (ActionScope.NODE,) or BlockingType.NONE in self.blocking_types:
             message = "an action that drives needs the scope NODE and the blocking type SOFT or HARD"
             raise ValueError(message)
@@ -294,6 +295,7 @@ def default_operations() -> tuple[OperationBase, ...]:
     return (
         OperationSettings(action_type="pick", seconds=5.0, load="take"),
         OperationSettings(action_type="drop", seconds=5.0, load="give"),
+        # The standard has these two as instant actions as well (6.2.3; 2.1: 6.8).
         OperationSettings(action_type="startCharging", seconds=1.0, charging=True, scopes=on_request),
         OperationSettings(action_type="stopCharging", seconds=1.0, charging=False, scopes=on_request),
     )

@@ -48,6 +48,7 @@ async def observe_robot(settings: RosSettings) -> RosView:
         return view
     # A robot whose domain is not set runs in 0, or in that of the shell from which it was started.
     text = os.environ.get("ROS_DOMAIN_ID", "0")
+    # Fast DDS ends the whole process for a larger domain ID (measured, 2.14).
     domain_of_shell = int(text) if text.isdecimal() and int(text) <= 232 else 0  # noqa: PLR2004 - ROS's maximum
     busy_domains = []
     for domain_id in sorted({0, domain_of_shell} - {settings.domain_id}):
@@ -129,6 +130,7 @@ class _Probe:
             sorted(
                 f"{space.rstrip('/')}/{name}"
                 for name, space in names
+                # Hidden nodes, such as that of the ros2 command, are no robot.
                 if not name.startswith("_") and name not in self._own
             )
         )

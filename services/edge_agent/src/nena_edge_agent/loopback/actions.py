@@ -117,6 +117,7 @@ class ChargingWatch:
                 update, "charging", None
             )  # a plug-in may report anything; the agent checks it later
             if isinstance(charging, bool):
+                # 0012: else `charging` would stay true after a charger is unplugged by hand.
                 self._switch(charging)
                 update = replace(update, charging=None)
             report(update)

@@ -149,6 +149,7 @@ class PressEmergencyStop(_Command):
     """An emergency stop is pressed; it is acknowledged at the robot (MANUAL) or remotely (REMOTE)."""
 
     command: Literal["emergencyStop"]
+    # Not AUTOACK, which only 2.x has (state, safetyState).
     stop: Literal[EmergencyStop.MANUAL, EmergencyStop.REMOTE] = EmergencyStop.MANUAL
 
 
@@ -352,6 +353,7 @@ class ControlApi:
             f"{interface_name}/loopback/{robot}": control for robot, control in controls.items()
         }
         first = next(iter(controls))
+        # 0012: a robot whose link is cut still gets commands, and has the session and will of a real one.
         self._link = MqttLink(
             settings.model_copy(update={"client_id": None}),  # the configured ID is the robot's
             client_id=f"nena-loopback-control-{first.manufacturer}-{first.serial_number}",
@@ -376,6 +378,7 @@ class ControlApi:
 
 def _execute_message(control: SimulationControl, message: Inbound) -> tuple[str, ...]:
     """Apply a command; return its problems if it is refused."""
+    # It would apply again after each connect (0012).
     if message.retained:
         return ("retained commands are ignored because they may be old; send it without the retain flag",)
     if len(message.payload) > MAXIMUM_PAYLOAD:

@@ -272,6 +272,7 @@ class LoopbackDriver:
 
     def stop_at_once(self) -> None:
         """Stop at once, as after an emergency stop or a field violation."""
+        # A braking that ends here still owes the core the end of its halt.
         braking_motion = isinstance(self._motion, Braking)
         self._stop_here()
         self._report_pose(0.0, 0.0)
@@ -372,6 +373,7 @@ class LoopbackDriver:
             vx = omega = 0.0
         self._report_pose(vx, omega)
         if over:
+            # After the pose, by which the core judges whether the node is reached.
             self._emit(port.Arrived(goal.generation) if goal else port.Halted())
         if self._reported_charge - self._charge_level >= BATTERY_STEP:
             self._report_battery()

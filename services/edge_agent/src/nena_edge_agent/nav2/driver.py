@@ -674,7 +674,7 @@ class Nav2Driver:
     def _on_plan(self, plan: tuple[str, tuple[tuple[float, float], ...]]) -> None:
         """Report a plan for our own drive; its end distinguishes it from plans of other clients."""
         frame, points = plan
-        # planner_server publishes each plan, also those that other clients only compute (ComputePathToPose).
+        # planner_server publishes the plans of all clients, also of the docking server and operators' tools.
         ours = frame.removeprefix("/") == self._settings.frame
         if ours and len(points) > 1 and self._tracker.navigator.is_own_plan(points[-1]):
             self._report_event(PlanReport(points, self._map_id))

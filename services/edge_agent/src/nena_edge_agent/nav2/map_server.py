@@ -201,7 +201,8 @@ class MapServer:
             message = f"map_server did not load {path}: {reason}"
             raise MapNotLoadedError(message)
         log.info("map loaded", map_id=self.map_id, file=path)
-        # Costmaps take the new static layer by themselves; obstacles of the previous map would stay.
+        # Costmaps take the new map by themselves. One that rolls, or whose size and origin stay, would keep
+        # the obstacles seen on the previous map (nav2_costmap_2d, StaticLayer::processMap).
         for name, client in self._clear:
             if await client.call(self._clear_request(), seconds=self._settings.call_timeout) is None:
                 log.warning("a costmap was not cleared", service=name)

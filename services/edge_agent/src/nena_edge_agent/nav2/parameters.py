@@ -104,7 +104,7 @@ class ParameterReader:
             *(self._read_number(self._controller, f"{follower}.{name}") for name in SPEEDS)
         )
         speed = next((value for value in speeds if value is not None and value > 0), None)
-        # A costmap has both; robot_radius counts only if the footprint is empty ("[]").
+        # A costmap has both; robot_radius counts only if footprint is "[]", its default (Nav2's setup guide).
         footprint, radius = await asyncio.gather(
             self._read_parameter(self._costmap, "footprint"), self._read_number(self._costmap, "robot_radius")
         )

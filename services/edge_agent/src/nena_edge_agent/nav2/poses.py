@@ -45,7 +45,7 @@ def quaternion_of(yaw: float) -> tuple[float, float]:
 def localized(reading: PoseReading, settings: LocalisationSettings) -> bool:
     """Return whether the pose is certain enough; one without a valid variance is not."""
     xy_limit, yaw_limit = settings.xy_spread_limit**2, settings.theta_spread_limit**2
-    # A localiser without a covariance leaves zeros, which count as certain; NaN compares false.
+    # Zeros count as certain: ROS initialises a covariance with them, if none is set. NaN compares false.
     return (
         0.0 <= reading.x_variance <= xy_limit
         and 0.0 <= reading.y_variance <= xy_limit

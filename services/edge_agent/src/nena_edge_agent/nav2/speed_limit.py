@@ -117,7 +117,8 @@ class SpeedLimiter:
             return
         subscriptions = self._node.get_subscriptions_info_by_topic(self._topic)
         listeners = frozenset(bytes(subscription.endpoint_gid) for subscription in subscriptions)
-        # A restarted controller has no limit: controller_server keeps none, and the topic is not latched.
+        # A restarted controller has no limit: controller_server only passes messages on to its plug-ins, and
+        # subscribes without durability (nav2_controller).
         if listeners - self._listeners:
             self._sent = None
         self._listeners = listeners

@@ -30,6 +30,7 @@ def _set_turn_signal(operation: TurnSignalSettings, maker: OperationMaker) -> Ac
         on_cancel={operation.field: operation.values["off"]},
     )
     directed = operation.model_copy(update={"parameters": (*operation.parameters, direction)})
+    # An action of an edge ends with its edge (VDA 5050, 6.2.2; 2.1: 6.12); one of a node would never end.
     return maker.ros_action(directed, RosParts(command, lasting=operation.scopes == (ActionScope.EDGE,)))
 
 

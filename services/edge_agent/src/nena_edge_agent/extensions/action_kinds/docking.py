@@ -117,6 +117,7 @@ class _Drive(BackgroundAction):
         except DriveError as error:
             raise WorkFailedError(str(error)) from error
         except asyncio.CancelledError:
+            # The action itself was cancelled, not only its drive by a pause.
             if task is not None and task.cancelling():
                 raise
             return False

@@ -67,6 +67,7 @@ class ChargeOperationSettings(RosOperationSettings):
     @property
     def confirmation(self) -> AnswerSettings:
         """Return the settings of the answer that confirms the end."""
+        # FINISHED once the robot charges or no longer does, not once it was told to (6.2.3; 2.1: 6.8).
         return self.answer or (BATTERY if self.charging else BATTERY_NOT_CHARGING)
 
 
@@ -122,6 +123,7 @@ class DockOperationSettings(OperationBase):
 
     @model_validator(mode="after")
     def _check_scope(self) -> Self:
+        # Only SOFT and HARD forbid the order's own driving meanwhile (VDA 5050, 6.2.2; 2.1: 6.12).
         if self.scopes != (ActionScope.NODE,) or not {*self.blocking_types} <= {
             BlockingType.SOFT,
             BlockingType.HARD,

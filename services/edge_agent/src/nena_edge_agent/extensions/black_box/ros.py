@@ -48,6 +48,7 @@ class RosTopicRecorder:
                 continue
             name = node.resolve_topic_name(topic.topic)
             add = partial(self._add_message, Channel(name, topic.type))
+            # Best effort and volatile matches each publisher (measured); raw: the file keeps CDR (0061).
             node.create_subscription(kind, topic.topic, add, SENSOR, raw=True)
 
     def _add_message(self, channel: Channel, message: bytes) -> None:
@@ -83,6 +84,7 @@ def _types_in(text: str, type_name: str) -> list[str]:
 
 
 def _definition_of(type_name: str) -> str | None:
+    # ROS from Python wheels lies in the environment of the interpreter.
     for prefix in (*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix):
         try:
             return Path(prefix, "share", f"{type_name}.msg").read_text(encoding="utf-8")

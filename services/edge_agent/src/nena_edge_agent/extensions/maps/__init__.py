@@ -114,6 +114,7 @@ class Maps(Extension):
 
     def _map_message(self, robot: RobotKey, image: MapImage) -> Outbound:
         """Return the message with the robot's map, retained; it is queued until the link can send it."""
+        # 0026: not below the robot's VDA 5050 topics: some fleet controls fail at unknown messages there.
         topic = FleetTopics(self.core.settings.topic_prefix).robot_map(robot)
         return Outbound(topic, image.model_dump_json(by_alias=True).encode(), retain=True)
 

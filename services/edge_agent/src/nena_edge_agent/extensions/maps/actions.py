@@ -54,6 +54,7 @@ def map_actions(
     lock = asyncio.Lock()
 
     async def fetch(map_id: str, map_version: str, action: Action) -> None:
+        # Already before the download; the store checks again, because downloads run at the same time.
         if find_map(store.maps, map_id, map_version):
             raise DuplicateMapError(map_id, map_version)
         digest = action.parameter(MAP_HASH)

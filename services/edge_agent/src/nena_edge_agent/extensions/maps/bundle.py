@@ -189,6 +189,7 @@ def _image_size(suffix: str, image: bytes) -> tuple[int, int] | None:
     if not image.startswith(b"BM") or len(image) < _BMP.size:
         return None
     width, height = _BMP.unpack_from(image)
+    # A negative height means rows from the top.
     return abs(width), abs(height)
 
 
@@ -201,6 +202,7 @@ class _Zip:
 
     def read(self, name: str, limit: int) -> bytes:
         entry = self._read_entries[name]
+        # zipfile limits the output of deflate only; a block of bzip2 or LZMA is unpacked whole.
         if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             message = f"{name} has an unsupported compression; use deflate"
             raise BadBundleError(message)
@@ -223,6 +225,7 @@ class _Tar:
 
 def _open_archive(content: bytes) -> _Zip | _Tar:
     if zipfile.is_zipfile(io.BytesIO(content)):
+        # Before ZipFile, which reads the headers of all files at once.
         if content.count(_ZIP_ENTRY) > ENTRIES_LIMIT:
             message = f"the map's archive has more than {ENTRIES_LIMIT} files"
             raise BadBundleError(message)

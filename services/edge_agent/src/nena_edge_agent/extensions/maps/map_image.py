@@ -27,6 +27,7 @@ SURE: Final = 100
 UNKNOWN_OPACITY: Final = 40
 
 _SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
+# 0026: all black; the opacity says what is there, so that the panel chooses the colour by its theme.
 _PALETTE: Final = bytes(3 * 256)
 _OPACITIES: Final = bytes(
     UNKNOWN_OPACITY if value > SURE else round(value / SURE * 255) for value in range(256)
@@ -55,9 +56,11 @@ def occupancy_image(cells: bytes, width: int, height: int, *, side_limit: int) -
     if width < 1 or height < 1 or len(cells) != width * height:
         message = f"{len(cells)} cells do not make a grid of {width} by {height}"
         raise ValueError(message)
+    # 0026: bounded, however large the grid is; merged cells show their maximum, so no wall is lost.
     factor = -(-max(width, height) // side_limit)
     rows = list(_pixel_rows(cells, width, factor))
     header = struct.pack(">IIBBBBB", len(rows[0]), len(rows), 8, 3, 0, 0, 0)
+    # 0026: written with zlib alone, as robots have no imaging library. A PNG begins with the top row.
     lines = b"".join(b"\0" + row for row in reversed(rows))
     chunks = ((b"IHDR", header), (b"PLTE", _PALETTE), (b"tRNS", _OPACITIES), (b"IDAT", zlib.compress(lines)))
     return OccupancyImage(

@@ -103,6 +103,7 @@ class Nav2MapStore(FolderMapStore):
         except OSError as error:
             message = f"the map was not enabled: {error.strerror}"
             raise MapRefusedError(message) from error
+        # Only now: a map that map_server has refused must not be enabled after a restart.
         await super().enable(map_id, map_version)
 
     def _files_of(self, content: bytes) -> Mapping[str, bytes]:

@@ -101,6 +101,7 @@ class FolderMapStore:
         """
         if find_map(self.maps, map_id, map_version):
             raise DuplicateMapError(map_id, map_version)
+        # A robot never deletes a map by its own decision (VDA 5050, 6.3; 2.1: 6.7).
         if len(self.maps) >= self._maximum:
             message = f"the robot has {self._maximum} maps; delete one first"
             raise MapRefusedError(message)
@@ -127,6 +128,7 @@ class FolderMapStore:
         Raises:
             MapRefusedError: it does not exist, or is enabled.
         """
+        # deleteMap is FAILED if the map is in use (6.2.3; 2.1: 6.8).
         if self._require_map(map_id, map_version).map_status is MapStatus.ENABLED:
             message = f"map '{map_id}' is enabled in version '{map_version}'; enable another version first"
             raise MapRefusedError(message)

@@ -87,6 +87,7 @@ class RobotTracer:
         if order and order.order_id != order_id:
             self._end_order(order, "replaced")
             order = None
+        # An order of one node without actions is over with its own event.
         if order is None and order_id and (not robot.idle or (received and order_id != self._last_order_id)):
             order = self._begin_order(event, robot)
         self._last_order_id = order_id
@@ -117,10 +118,12 @@ class RobotTracer:
         order = self._order = _OpenOrder(
             progress.order_id,
             progress.order_update_id,
+            # 0060: `order-1` and `order-2` of another fleet control are not two tries of one order.
             trace_id_of(progress.order_id if epoch is None else order_name_of(progress.order_id)),
             None if epoch is None else vda_order_span_id(progress.order_id),
             span,
         )
+        # Their spans are those of the earlier run.
         if not is_new:
             order.ended_actions.update(
                 action.action.action_id for action in robot.actions if action.status.ended
