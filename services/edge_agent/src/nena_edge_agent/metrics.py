@@ -246,6 +246,7 @@ class MetricsServer:
         self._program = program
         self._expositions = [Exposition(program, SECTIONS)]
         self._expositions += [
+            # The metrics of the process are in the first exposition.
             Exposition(extension, [section], process=False)
             for extension in extensions
             if (section := extension.metrics())

@@ -218,6 +218,7 @@ class PluginTrials:
         return Action(
             action_type=declaration.action_type,
             action_id=f"check-{next(self._numbers)}",
+            # Instant actions are always NONE since 3.0 (7.4).
             blocking_type=BlockingType.NONE if instant else declaration.blocking_types[-1],
             action_parameters=tuple(
                 ActionParameter(key=key, value=value)
@@ -371,6 +372,7 @@ def _encode_factsheet(declaration: ActionDeclaration) -> None:
         "serial_number": "check",
     }
     try:
+        # A plug-in does not know which version its robot speaks.
         for version, codec in CODECS.items():
             actions = {declaration.action_type: declaration}
             capabilities = Capabilities("map", actions=actions, rules=RULES[version])

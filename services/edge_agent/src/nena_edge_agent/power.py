@@ -138,6 +138,7 @@ async def _run_process(
     except TimeoutError:
         problem = f"{command[0]} did not end within {settings.command_timeout:g} s"
         return problem if await _kill_group(process) else f"{problem} and cannot be killed"
+    # 0048: after a killed hibernate_command, the robot says HIBERNATING and may be awake, which is safe.
     except asyncio.CancelledError:
         await _kill_group(process)
         raise

@@ -92,6 +92,7 @@ async def _serve_robots(settings: EdgeAgentSettings, stop: asyncio.Event) -> Non
     async with Supervisor() as supervisor:
         for extension in extensions:
             for name, work in extension.tasks().items():
+                # 0061: an extension that fails loses its own work, not the robot.
                 supervisor.start(name, forever(name, work), vital=False)
         if settings.metrics.port:
             _serve_metrics(settings, agents, clock, supervisor, extensions)

@@ -199,6 +199,7 @@ class EdgeAgentSettings(ServiceSettings):
     )
     map_id: str = Field("map", min_length=1, max_length=200, description="Map that the robot drives on.")
     map_version: str = Field("1", description="Version of that map, for the state.")
+    # 0019: one side transforms for each robot; this one, if its factsheet lists nena:showMapTransforms.
     map_transforms: dict[str, TransformText] = Field(
         default_factory=dict,
         description="Transforms from the plant to the robot's maps, by map ID: "

@@ -92,6 +92,7 @@ class TimedOperation:
         return countdown
 
 
+# 0019: a factsheet that lists this action tells fleet control that the robot transforms, not the fleet.
 class MapTransforms:
     """Returns the configured map transforms as the action's result."""
 
@@ -192,6 +193,7 @@ class UseBehaviorTree:
             USE_BEHAVIOR_TREE,
             scopes=(ActionScope.EDGE,),
             parameters=(which,),
+            # The edge is driven meanwhile, which SOFT and HARD forbid (VDA 5050, 6.2.2; 2.1: 6.12).
             blocking_types=(BlockingType.NONE,),
             cancel_allowed=True,
             open_ended=True,

@@ -211,6 +211,7 @@ def _message_value(value: Any, shape: Shape) -> Any:  # noqa: ANN401
             return make_message(value, shape)
         case ArrayShape():
             return [_message_value(item, shape.item) for item in value]
+        # rosidl's Python type of a byte field is bytes of length 1.
         case Scalar(octet=True):
             return bytes((value,))
         case _:
@@ -399,6 +400,7 @@ def matches(value: Any, wanted: JsonValue) -> bool:  # noqa: ANN401 - a value of
         return isinstance(wanted, list) and len(value) == len(wanted) and all(map(matches, value, wanted))
     if isinstance(value, float) and isinstance(wanted, int | float):
         return math.isclose(value, wanted, rel_tol=RELATIVE_TOLERANCE)
+    # By type, too: to Python, 1 equals True.
     return type(value) is type(wanted) and bool(value == wanted)
 
 

@@ -59,6 +59,7 @@ def installed_plugins(context: PluginContext, settings: ActionSettings) -> Insta
         try:
             plugins += make_plugins(name, replace(context, options=settings.options.get(name, {})))
         except PluginBrokenError as error:
+            # 0020: the robot works without the plug-in's actions, and its state warns.
             log.warning("an action plug-in cannot be used", plugin=name, reason=str(error))
             problems.append(str(error))
     return Installed(tuple(plugins), tuple(problems))

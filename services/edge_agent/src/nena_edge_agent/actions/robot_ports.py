@@ -188,6 +188,7 @@ class RobotPorts:
                 self.drive.observe_event(event)
                 put(event)
 
+            # 0020: a sensor takes precedence over the loads that actions declare.
             if self._sensor and self.ros:
                 LoadSensor(self._sensor, self.ros, put)
             driver = make_driver(on_event, last_place)

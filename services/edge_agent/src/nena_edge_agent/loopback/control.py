@@ -47,6 +47,7 @@ class CommandRefusedError(Exception):
 
 
 class _Command(BaseModel):
+    # 0012: a command with an unknown field or a wrong type is refused and changes nothing.
     model_config = ConfigDict(
         extra="forbid", frozen=True, strict=True, alias_generator=to_camel, validate_by_name=False
     )
@@ -99,6 +100,7 @@ class _Area(_Command):
         return Circle(self.x, self.y, self.radius)
 
 
+# 0012: a position, because the driver knows poses, not node IDs.
 class MakeUnreachable(_Area):
     """Nodes in the area are unreachable; the robot notices this while it drives."""
 

@@ -80,7 +80,7 @@ class RobotBlackBox(BlackBox):
         channels = self._sent if own else self._received
         channel = channels.get(topic)
         if channel is None:
-            # 0061: received payloads are checked to be JSON; one bad message would spoil the whole topic.
+            # 0061: others' payloads are checked to be JSON, because a bad one would spoil its whole topic.
             channel = channels[topic] = Channel(topic, own=own)
         self.ring.add(channel, payload, self._clock.monotonic())
 

@@ -35,6 +35,8 @@ MAP_LINK = "mapDownloadLink"
 MAP_HASH = "mapHash"
 _MAP_PARAMETERS = (Parameter("mapId", ValueDataType.STRING), Parameter("mapVersion", ValueDataType.STRING))
 
+# Not in the standard: with them, one action of an order changes the floor; else the robot waits for
+# initPosition.
 _POSITION_PARAMETERS = tuple(
     Parameter(key, ValueDataType.NUMBER, required=False, description=f"{unit}, robot's position on the map")
     for key, unit in (("x", "m"), ("y", "m"), ("theta", "rad"))

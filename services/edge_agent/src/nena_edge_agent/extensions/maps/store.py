@@ -157,6 +157,7 @@ class FolderMapStore:
         unfinished.mkdir(parents=True)
         for name, part in self._files_of(content).items():
             _write_through(unfinished / name, part)
+        # Only once the content is on disk: after a power failure, a listed map must not be empty.
         unfinished.rename(place)
 
     def _files_of(self, content: bytes) -> Mapping[str, bytes]:

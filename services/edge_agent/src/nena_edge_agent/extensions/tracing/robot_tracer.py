@@ -118,12 +118,12 @@ class RobotTracer:
         order = self._order = _OpenOrder(
             progress.order_id,
             progress.order_update_id,
-            # 0060: `order-1` and `order-2` of another fleet control are not two tries of one order.
+            # 0060: `order-1` and `order-2` of another fleet control are two orders, not two drives of one.
             trace_id_of(progress.order_id if epoch is None else order_name_of(progress.order_id)),
             None if epoch is None else vda_order_span_id(progress.order_id),
             span,
         )
-        # Their spans are those of the earlier run.
+        # Actions that ended in an earlier run have their spans from it.
         if not is_new:
             order.ended_actions.update(
                 action.action.action_id for action in robot.actions if action.status.ended
