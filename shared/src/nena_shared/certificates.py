@@ -95,6 +95,7 @@ def validity_of(pem: str) -> Validity:
         message = "no PEM certificate found"
         raise ValueError(message)
     try:
+        # the first one of a chain is the program's own (RFC 8446, 4.4.2)
         (certificate,) = _elements(ssl.PEM_cert_to_DER_cert(pem[begin : end + len(END)]))
         fields = [
             element

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+# OWASP, "CSV Injection"
 FORMULA_SIGNS = ("=", "+", "-", "@", "\t", "\r")
 """Spreadsheets execute cells that start with these; texts of robots must not be executed."""
 

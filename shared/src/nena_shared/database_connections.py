@@ -25,5 +25,6 @@ def close_connections(engine: Any) -> None:  # noqa: ANN401 - the same
     """
     for connection in tuple(_connections.get(engine, ())):
         closed_meanwhile = suppress(OSError, engine.dialect.loaded_dbapi.Error)
+        # a duplicate: at the end of the block the driver's own descriptor must stay open
         with closed_meanwhile, socket.socket(fileno=os.dup(connection.fileno())) as opened:
             opened.shutdown(socket.SHUT_RDWR)

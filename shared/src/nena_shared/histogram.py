@@ -31,6 +31,7 @@ class Histogram:
 
     def observe(self, seconds: float) -> None:
         """Count a duration."""
+        # left: a bucket includes its upper bound (Prometheus: le)
         self.counts[bisect_left(self.bounds, seconds)] += 1
         self.total += seconds
 

@@ -22,6 +22,7 @@ COMMON: tuple[Processor, ...] = (
 )
 """Processors applied to each line before rendering."""
 
+# 127 to 159, too: terminals take some of them for the beginning of an escape sequence
 CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"}
 """Escape sequences that replace control characters; the renderer escapes line breaks in values."""
 

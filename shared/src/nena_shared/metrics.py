@@ -78,6 +78,7 @@ class Metric(Generic[S]):
             case MetricKind.GAUGE:
                 return GaugeMetricFamily(self.name, self.text, labels=self.labels)
             case MetricKind.COUNTER:
+                # the library appends the suffix itself
                 return CounterMetricFamily(self.name.removesuffix("_total"), self.text, labels=self.labels)
             case MetricKind.HISTOGRAM:
                 return HistogramMetricFamily(self.name, self.text, labels=self.labels)

@@ -39,6 +39,7 @@ class Supervision:
         file = environment.get(HEARTBEAT_FILE)
         watchdog = environment.get("WATCHDOG_USEC", "")
         seconds = int(watchdog) / 1e6 if watchdog.isdecimal() and int(watchdog) else 2 * BEAT
+        # half the period, as sd_watchdog_enabled(3) recommends
         return cls(environment.get("NOTIFY_SOCKET"), Path(file) if file else None, min(BEAT, seconds / 2))
 
     def notify(self, text: str) -> None:
@@ -51,7 +52,9 @@ class Supervision:
         if self.notify_socket is None:
             return
         address = self.notify_socket
+        # does not block: systemd may not read for a while, and the next heartbeat tries again
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as sender:
+            # "@" stands for the zero byte of the abstract namespace (sd_notify(3))
             sender.sendto(text.encode(), "\0" + address[1:] if address.startswith("@") else address)
 
     def beat(self) -> None:
@@ -98,6 +101,7 @@ async def _send_heartbeats(supervision: Supervision, stop: asyncio.Event) -> Non
 
 
 EXIT_FAILED = 1
+# the systemd units do not restart a program that ends with it
 EXIT_MISCONFIGURED = 2
 
 

@@ -78,6 +78,7 @@ def joined_domain(domain_id: int) -> Iterator[Context]:
 
     _import_without_generator()
     context = Context()
+    # the program handles signals itself (`tasks.stop_on_signals`)
     rclpy.init(args=[], context=context, domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
     try:
         yield context

@@ -91,6 +91,7 @@ def secret_in(file: Path, setting: str) -> str:
 
     """
     try:
+        # without the line break with which editors end a file
         secret = file.read_text(encoding="utf-8").strip()
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError([f"{setting}: {error}"]) from error
@@ -127,6 +128,8 @@ class MqttSettings(SettingsGroup):
     password_file: Path | None = Field(None, description="File that contains the password at the broker.")
     tls: MqttTlsSettings = Field(default_factory=MqttTlsSettings, description="TLS of the connection.")
     client_id: str | None = Field(None, description="MQTT client ID. Unset: derived from the program's role.")
+    # brokers publish the last will after 1.5 times this (MQTT 3.1.1, 3.1.2.10);
+    # measured: RabbitMQ 3.10 after up to 3 times, ActiveMQ 5.17 after 2.5 times
     keep_alive: int = Field(15, ge=2, le=600, description="MQTT keep-alive interval, seconds.")
     reconnect_min: float = Field(
         0.2, gt=0, le=600, description="Delay before the first reconnection attempt, seconds."
@@ -299,6 +302,7 @@ def _config_only_parser(program: str) -> argparse.ArgumentParser:
 
 def _read_file(path: Path) -> dict[str, Any]:
     try:
+        # 0033: pydantic-settings' own TOML source starts with defaults if the file does not exist
         return parse_toml(path.read_bytes())
     except OSError as error:
         raise ConfigurationError([f"config: cannot read {path}: {error.strerror}"]) from error
@@ -371,6 +375,7 @@ def _unreadable_text(error: SettingsError) -> str:
 
 
 def _problems_of(error: ValidationError) -> list[str]:
+    # without the value, which may be a password
     return [f"{path_of(item['loc'])}: {_problem_text(item)}" for item in error.errors()]
 
 

@@ -77,6 +77,7 @@ class Supervisor:
         if vital and self._failed is not None and not self._failed.done():
             failure = TaskFailedError(task.get_name())
             failure.__cause__ = error
+            # as a result: asyncio would log an exception that nobody awaits
             self._failed.set_result(failure)
 
     async def wait(self, stop: asyncio.Event) -> None:
@@ -113,6 +114,7 @@ async def end(*tasks: asyncio.Task[Any], again_after: float = AGAIN_AFTER) -> No
         _, left = await asyncio.wait(left, timeout=again_after)
         if left:
             log.warning("tasks did not end; cancelling them again", tasks=sorted(map(_name_of, left)))
+    # retrieves their exceptions, which asyncio would log otherwise
     await asyncio.gather(*tasks, return_exceptions=True)
 
 

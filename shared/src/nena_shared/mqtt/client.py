@@ -154,6 +154,7 @@ class Client:
 
         """
         address = self._settings.host, self._settings.port, self._settings.keep_alive
+        # in a thread: paho looks up the host and connects in one blocking call
         connecting = self._loop.run_in_executor(None, lambda: self._paho.connect(*address))  # writes nothing
         try:
             async with asyncio.timeout(self._timeout):
@@ -161,6 +162,7 @@ class Client:
                 self._attach_socket()
                 await asyncio.shield(self._accepted)
         except BaseException as error:
+            # also after a cancellation: the thread goes on, and its socket would stay open
             connecting.add_done_callback(self._close_late_socket)
             if isinstance(error, TimeoutError):
                 raise MqttError(NO_ANSWER) from None
@@ -189,6 +191,7 @@ class Client:
             MqttError: the broker did not answer, or the connection has ended.
 
         """
+        # CONNACK and the end may come in one read: then `_accepted` has succeeded already
         if self._ended.done():
             raise MqttError(CLOSED_UNANSWERED)
         _, mid = self._paho.subscribe(topic_filters)
@@ -234,6 +237,7 @@ class Client:
         if sent.rc:  # such as a packet identifier still unacknowledged after 65,534 further messages
             self._end_connection(error_string(sent.rc))
             raise MqttError(NOT_CONNECTED)
+        # before the write: with QoS 0, paho confirms the message during it
         self._unconfirmed[sent.mid] = message, confirmed
         self._write_packets()
 
@@ -253,6 +257,7 @@ class Client:
     @property
     def has_read_all(self) -> bool:
         """Whether no received message waits to be read."""
+        # poll: select refuses descriptors above 1,023
         sock, poll = self.socket, select.poll()
         if sock is None:
             return True
@@ -263,6 +268,7 @@ class Client:
         """Make the kernel drop unsent data when the connection is closed."""
         if sock := self.socket:
             with suppress(OSError):  # it is broken already
+                # a reset instead of a regular end, before which the kernel would still send what it has
                 sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
 
     def cut(self) -> None:
@@ -272,6 +278,7 @@ class Client:
                 sock.shutdown(socket.SHUT_RDWR)
 
     def _make_paho(self, client_id: str, will: Outbound | None) -> PahoClient:
+        # the link reconnects, with its own delays; a clean session brings no old commands
         paho = PahoClient(
             CallbackAPIVersion.VERSION2, client_id=client_id, clean_session=True, reconnect_on_failure=False
         )
@@ -335,6 +342,7 @@ class Client:
         sock = self.socket
         if sock is None or self._ended.done() or not self._paho.want_write():
             return
+        # 0022: an order service that hung, and whose standby has taken over, must not send its old orders
         if not self._may_write():
             self.discard_unsent()
             self._end_connection(NOT_PERMITTED)
@@ -342,6 +350,7 @@ class Client:
         self._paho.loop_write()
         self._progress.set()
         if self._confirmed:
+            # not at once: `confirmed` may send the next message, and so call this method from itself
             self._loop.call_soon(self._hand_out)
         if not self._ended.done() and self._paho.want_write() is not self._awaits_socket:
             self._awaits_socket = not self._awaits_socket
@@ -370,6 +379,7 @@ class Client:
         if self._keeping_alive:
             self._keeping_alive.cancel()
         if sock := self.socket:
+            # paho does not call it for this close, and the next connection may get the same descriptor
             self._on_socket_close(self._paho, None, sock)
             sock.close()
 
@@ -439,6 +449,7 @@ class Client:
 
 def _has_decrypted(sock: socket.socket | None) -> bool:
     """Return whether TLS holds data that the socket does not report to the event loop."""
+    # one read decrypts a whole TLS record, of which paho may take only a part
     return isinstance(sock, ssl.SSLSocket) and bool(sock.pending())
 
 

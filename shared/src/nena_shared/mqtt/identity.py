@@ -57,6 +57,8 @@ def private_client_id(name: str, settings: MqttSettings) -> str:
     secret = _read_secret(settings)
     if not secret:
         return name
+    # a client that connects with the ID of another one ends its connection (MQTT 3.1.1, 3.1.4),
+    # so nobody may guess that of a robot
     return f"{name}-{sha256(_hash_slowly(secret) + name.encode()).hexdigest()[:DIGITS]}"
 
 

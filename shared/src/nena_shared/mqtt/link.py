@@ -206,6 +206,7 @@ class Outbox:
         if not message.retain:
             return self._add_droppable(message)
         if message.payload:
+            # the topic is in use again: its clearing message would remove the new status
             self._waiting.pop((message.topic,), None)
             self._waiting[message.topic] = message
         else:
@@ -280,6 +281,7 @@ class Suspects:
         It is no longer a suspect then. ``alone``: one message was in flight, with an acknowledgement due.
         """
         for topic in in_flight:
+            # taken out and added again, so that the one suspected longest ago stands first
             ends = self._ends.pop(topic, 0) + alone
             if ends >= ENDS:
                 return topic
@@ -417,6 +419,7 @@ class MqttLink:
             self.state.dropped += 1
         elif message.topic in self.state.set_aside:
             self._drop_set_aside(message)
+        # only if nothing waits: messages leave in the order in which they were published
         elif session and not session.first and not self._outbox and self._may_send(session, message):
             self._send_message(session, message)
         elif session or message.keep:
@@ -433,11 +436,13 @@ class MqttLink:
             await self._begin_term()
             try:
                 await self._serve_connection()
+            # UnicodeError: a host name that IDNA cannot encode; ConfigurationError: TLS files, read each time
             except (MqttError, OSError, UnicodeError, ConfigurationError) as error:
                 self._log_failure(error, lost=self.state.connects > connects)
             end_if_cancelled()
             stood = clock() - self._connected_at if self.state.connects > connects else None
             ended_alone, self._ended_alone = self._ended_alone, False
+            # the end of a suspect's trial is no failed attempt, and must not delay all other messages
             pause = self._settings.reconnect_min if ended_alone else pauses.after(stood)
             if pauses.suspicious and not ended_alone:
                 self._log_suspicion()
@@ -531,6 +536,7 @@ class MqttLink:
             session.first.append(replace(first, keep=False))
             self._send_waiting(session)  # before the next one is made
             await session.client.wait_until(lambda: session.has_room)
+        # the access list may have been corrected meanwhile
         self.state.refused, self.state.refused_names = (), frozenset()
         await self._send_subscriptions(session)
         self._session = session
@@ -556,6 +562,7 @@ class MqttLink:
         while new := self._subscriptions[session.subscribed :]:
             new = new[:1] if self._subscribes_singly else new
             session.subscribed += len(new)
+            # without this, an optional topic that RabbitMQ refuses would end each connection
             if new[0].ends < ENDS or new[0].needed:
                 await self._subscribe_to(session, new)
         self._hooks.on_subscribed()
@@ -565,12 +572,14 @@ class MqttLink:
         try:
             granted = await session.client.subscribe([(each.topic_filter, each.qos) for each in new])
         except MqttError as error:
+            # the broker does not say which one it refuses: the next connection sends them one by one
             self._subscribes_singly = True
             if len(new) > 1:
                 raise
             new[0].ends += 1
             text = f"{error}; the subscription is {new[0].topic_filter}: check the broker's access list"
             raise MqttError(text) from None
+        # 0x80 in MQTT 3.1.1 (3.9.3); ejabberd answers 0x8F; Mosquitto grants all, and withholds messages
         refused = [
             each for each, code in zip(new, granted, strict=True) if getattr(code, "is_failure", False)
         ]
@@ -639,6 +648,7 @@ class MqttLink:
         for message in unsent:
             if message.topic in self.state.set_aside:
                 self._drop_set_aside(message)
+            # 0022: a message of an ended term may be outdated by what the new leader has sent
             elif message.keep and self._may_write():
                 self._queue_message(message)
             else:

@@ -123,6 +123,7 @@ class AccessControl:
         role = self.role_needed(scope["method"], scope["path"])
         token = token_of(scope, cookies=self.cookies)
         user = await self._user_of(token, address) if token and role else None
+        # with the kind in front: behind a careless proxy, a client can name itself like a user
         self._check_rate(self._requests, f"user {user.known_as}" if user else f"address {address}")
         if not self._login_required or role is None:
             return user
@@ -139,6 +140,7 @@ class AccessControl:
     def _may_stay(self, scope: Scope) -> bool:
         """Return whether the user of an open stream still has access."""
         user = scope["state"]["user"]
+        # 0031: a right that the issuer withdraws ends with the token; nothing is asked meanwhile
         stays = self.clock.now() < user.expires if isinstance(user, OidcUser) else self._has_access(scope)
         if not stays:
             log.info("event stream ended: its user has lost access", user=user.known_as)
@@ -164,16 +166,19 @@ class AccessControl:
         try:
             return self.users.user_of(token) if self.users else None
         except ConfigurationError as error:
+            # not the users of the last valid file: one of them may have been removed
             log.error("all logins are refused: the users file is invalid", problems=error.problems)  # noqa: TRY400
             detail = "The users file is invalid; see the service's log."
             raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, detail) from error
 
     async def _of_issuer(self, token: str, address: str) -> OidcUser | None:
+        # so that an invented token of our own form causes no request to the issuer
         if self.oidc is None or token.count(".") != DOTS_OF_JWT:
             return None
         try:
             return await self.oidc.user_of(token)
         except TokenRefusedError as error:
+            # these count, too: each has cost the check of a signature, and fills the log
             self._count_wrong(address)
             log.warning("invalid OIDC token", address=address, reason=str(error))
             detail = f"The token is not accepted: {error}. Sign in again."

@@ -20,6 +20,7 @@ def takes_gzip(accept_encoding: str) -> bool:
     """Return whether an Accept-Encoding header accepts gzip."""
     for each in accept_encoding.lower().split(","):
         name, *parameters = (part.strip() for part in each.split(";"))
+        # RFC 9110, 12.4.2: a weight of 0 means that it is not accepted
         refused = any(re.fullmatch(r"q=0(\.0*)?", parameter) for parameter in parameters)
         if name in ("gzip", "*") and not refused:
             return True

@@ -39,6 +39,7 @@ def refusal(
     """Return an error response; ``detail`` explains what to do. Without a kind, the status says all."""
     problem = Problem(title=status.phrase, status=status, detail=detail, errors=errors)
     if kind is not None:
+        # 0064: relative, so that it is the same at every site, and over MQTT
         problem = problem.model_copy(update={"type": kind.uri})
     return answer(problem, headers)
 
@@ -109,4 +110,5 @@ def describe_problems(app: FastAPI, others: Mapping[str, Any] = MappingProxyType
         schemas |= known["$defs"]
         return document
 
+    # FastAPI's documented way to extend its document
     app.openapi = described  # type: ignore[method-assign]

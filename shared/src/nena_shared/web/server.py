@@ -70,6 +70,7 @@ _refusals_logged = RateLimit(rate=1 / 60, burst=1)
 def most_connections() -> int:
     """Return the maximum number of connections that leaves enough file descriptors for everything else."""
     allowed, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    # half of few files: the difference would leave no connections at all
     return max(allowed - RESERVED_FILES, allowed // 2)
 
 
@@ -98,6 +99,7 @@ class HttpConnection(H11Protocol):
         except h11.RemoteProtocolError:
             self.transport.close()  # the request has its answer
             return
+        # only where a head begins: a body may contain any byte
         head = self.conn.trailing_data[0].partition(b"\r\n\r\n")[0]
         if self.conn.their_state is h11.IDLE and BARE_LINE_FEED.search(head):
             self.send_400_response("A line ends without CR.")
@@ -134,6 +136,7 @@ class HttpConnection(H11Protocol):
 
     def _start_timeout(self, part: str | None) -> None:
         """Start the timeout of what is awaited; None: an answer, which may take its time."""
+        # one deadline for each part: a client that sends byte by byte does not extend it
         if part == self._awaited:
             return
         if self._deadline is not None:
@@ -141,6 +144,7 @@ class HttpConnection(H11Protocol):
         self._awaited, self._deadline = part, None
         if part is not None:
             seconds = {"next request": KEEP_ALIVE, "head": HEAD_TIMEOUT, "body": BODY_TIMEOUT}[part]
+            # abort: close() would first wait until such a client has read what is still to be sent
             self._deadline = self.loop.call_later(seconds, self.transport.abort)
 
 
@@ -177,6 +181,7 @@ class HttpServer:
         self._server = _Server(
             uvicorn.Config(
                 self._answer_request,
+                # 0107: httptools drops the body of a request that offers an upgrade, as Java's client does
                 http="h11",
                 ws="none",
                 interface="asgi3",
@@ -186,6 +191,7 @@ class HttpServer:
                 access_log=False,
                 server_header=False,
                 proxy_headers=settings.reverse_proxy,
+                # rate limits go by the client's address, which others could choose by this header
                 forwarded_allow_ips=[str(network) for network in settings.trusted_proxies],
                 timeout_keep_alive=KEEP_ALIVE,
                 timeout_graceful_shutdown=SHUTDOWN_TIMEOUT,
@@ -241,11 +247,13 @@ class HttpServer:
                 except ConnectionAbortedError:
                     continue
                 except OSError as error:
+                    # e.g. no free descriptor: the connection stays waiting, so this would spin
                     log.error("cannot accept connections, retrying", reason=error.strerror)  # noqa: TRY400
                     await asyncio.sleep(NO_FILES_PAUSE)
                     continue
                 network = network_of(str(address[0]))
                 if refusal := self._why_refused(network):
+                    # without an answer, which would need a TLS handshake first
                     accepted.close()
                     if not _refusals_logged.wait(f"{refusal} {network}", loop.time()):
                         log.warning(refusal, address=str(address[0]))
@@ -304,6 +312,7 @@ class HttpServer:
         async def send_counted(message: Message) -> None:
             if message["type"] == "http.response.start":
                 self.answers[message["status"]] += 1
+                # RFC 6797, 7.2: not over HTTP
                 if scope["scheme"] == "https":
                     message = {**message, "headers": [*message["headers"], STRICT_TRANSPORT_SECURITY]}
             await send(message)
@@ -311,6 +320,7 @@ class HttpServer:
         names = {name for name, _ in scope["headers"]}
         if {b"content-length", b"transfer-encoding"} <= names:  # ambiguous where it ends: RFC 9112, 6.3
             refusal = PlainTextResponse("Both Content-Length and Transfer-Encoding.", 400)
+            # what follows may be the rest of this body or another request
             refusal.headers["connection"] = "close"
             await refusal(scope, receive, send_counted)
         else:
@@ -356,6 +366,7 @@ def _listen(settings: HttpSettings) -> socket.socket:
         listener = socket.socket(family, kind, socket.IPPROTO_TCP)
         try:
             listener.settimeout(0)
+            # else a restart would fail while connections of the previous process are in TIME_WAIT
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             listener.bind(address)
             listener.listen(BACKLOG)

@@ -21,6 +21,7 @@ HEADERS: Final[Mapping[str, str]] = MappingProxyType({"cache-control": "no-store
 HEARTBEAT: Final = 5.0
 """Idle time before a heartbeat, by which both ends detect a dead connection, seconds."""
 
+# an event, not a comment: browsers do not pass comments on to scripts, which watch for silence
 HEARTBEAT_FRAME: Final = b"event: heartbeat\ndata: {}\n\n"
 
 
@@ -83,6 +84,7 @@ class EventRing(Generic[E]):
         loop = asyncio.get_running_loop()
         due = loop.time() + HEARTBEAT
         while not self.closed:
+            # before `read`, so that an event that is added during it is not missed
             added = self.added()
             if found := await read():
                 yield found
@@ -123,6 +125,7 @@ def while_allowed(send: Send, allowed: Callable[[], bool], clock: Clock) -> Send
         now = clock.monotonic()
         if message["type"] == "http.response.body" and now - checked >= LOOK_AFTER:
             checked, ended = now, not allowed()
+        # an empty last part ends the response
         await send({"type": "http.response.body"} if ended else message)
 
     return send_if_allowed

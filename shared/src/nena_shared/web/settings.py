@@ -119,17 +119,20 @@ def is_loopback(host: str) -> bool:
     try:
         return ip_address(host).is_loopback
     except ValueError:
+        # RFC 6761, 6.3 reserves this name; what others resolve to may change
         return host == "localhost"
 
 
 def network_of(address: str) -> str:
     """Return the network that counts as one client: an IPv4 address, or the /64 of an IPv6 address."""
     try:
+        # %: the zone of a link-local IPv6 address (RFC 4007), not a part of it
         known = ip_address(address.partition("%")[0])
     except ValueError:
         return address
     if isinstance(known, IPv4Address):
         return str(known)
+    # a socket for both versions reports IPv4 clients as ::ffff:192.0.2.1
     return str(known.ipv4_mapped or ip_network((known, OF_ONE_SITE), strict=False))
 
 

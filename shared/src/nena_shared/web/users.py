@@ -116,6 +116,7 @@ def write_users(path: Path, users: Iterable[User]) -> None:
         lines += ["\n[[user]]\n", f'name = "{user.name}"\n', f'role = "{user.role.name.lower()}"\n']
         lines += [f'token_sha256 = "{user.token_sha256}"\n']
     draft = path.with_name(f".{path.name}.new")
+    # the group: services that run as dynamic users read the file through it
     _write_file(draft, "".join(lines), 0o640)
     if path.exists():  # a service that can read the old file must be able to read the new one
         kept = path.stat()
@@ -139,6 +140,7 @@ def make_first_user(path: Path) -> Path | None:
     try:
         write_users(draft, [User(name="admin", role=Role.ADMIN, token_sha256=hash_of(token))])
         _write_file(token_file, f"{token}\n", 0o600)
+        # a link fails where the file exists; a rename would replace that of another program
         os.link(draft, path)
         token_file.replace(secret)
     except FileExistsError:
@@ -174,6 +176,7 @@ class UsersFile:
         """
         if (stamp := self._file_version()) != self._seen:
             self._users = read_users(self._path)
+            # only now: an invalid file is refused at each request, not only at the first
             self._seen = stamp
         wanted = hash_of(token)
         found = None
@@ -195,4 +198,5 @@ def _write_file(path: Path, text: str, mode: int) -> None:
     with os.fdopen(os.open(path, flags, mode), "w", encoding="utf-8") as file:
         file.write(text)
         file.flush()
+        # before it takes the place of the old file: a crash must not leave an empty one
         os.fsync(file.fileno())
