@@ -21,6 +21,7 @@ VERSION: Final = 0xA0
 """Tag of the version, which certificates of version 1 lack."""
 VALIDITY: Final = 3
 """Position of the validity, after serial number, signature algorithm and issuer (RFC 5280, 4.1)."""
+# %y counts from 1969 and RFC 5280 from 1950: no certificate is of the years between
 FORMS: Final = {0x17: "%y%m%d%H%M%SZ", 0x18: "%Y%m%d%H%M%SZ"}
 """Tags of UTCTime and GeneralizedTime, and their only forms in certificates (RFC 5280, 4.1.2.5)."""
 LONG: Final = 0x80

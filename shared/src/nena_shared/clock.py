@@ -47,6 +47,7 @@ def iso(moment: datetime) -> str:
 
     The times of an order are written many times: in each of its statuses, and in the store.
     """
+    # not strftime: on Linux, it writes years before 1000 with fewer digits
     return f"{moment.isoformat(timespec='milliseconds')[:23]}Z"
 
 
@@ -69,6 +70,7 @@ class ClockSkew:
 
     def measure(self, sent: datetime, arrived: datetime) -> None:
         """Add the timestamp of a message and its time of arrival."""
+        # abs: this computer's clock may have been set back
         while self._arrivals and abs(arrived - self._arrivals[0][0]) > RECENT:
             self._arrivals.popleft()
         self._arrivals.append((arrived, (sent - arrived).total_seconds()))

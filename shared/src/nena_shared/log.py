@@ -99,6 +99,7 @@ def _remembered_line(logger: WrappedLogger, method: str, event: EventDict) -> st
 
 def _remember_event(logger: WrappedLogger, method: str, event: EventDict) -> EventDict:
     """Store the line of an event that is written in another form."""
+    # a copy: writing it as plain text empties it
     _remembered_line(logger, method, dict(event))
     return event
 

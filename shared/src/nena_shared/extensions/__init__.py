@@ -26,6 +26,7 @@ def installed(group: str, base: type[E]) -> dict[str, type[E]]:
     for entry in sorted(entry_points(group=group), key=lambda each: each.name):
         try:
             extension: Any = entry.load()
+        # loading runs the extension's module, which may raise anything
         except Exception as error:
             message = f"the extension {entry.name!r} ({entry.value}) cannot be loaded: {error}"
             raise StartError(message) from error

@@ -82,6 +82,7 @@ def hash_after(previous: str, row: Mapping[str, object]) -> str:
     """Return the hash of a row, given as in JSON; its own ``hash`` and empty fields do not count."""
     # without empty fields, a field that a newer release adds does not change the hash of older rows
     fields = {name: value for name, value in row.items() if value not in (None, "") and name != HASH}
+    # 0055: texts and one number only, so that this form is the same in any language
     text = json.dumps(fields, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
     return hashlib.sha256(f"{previous}\n{text}".encode()).hexdigest()
 

@@ -102,6 +102,7 @@ class PeripheralStatus(Resource):
     """Names of the jobs that wait for it, in order."""
     used_by: tuple[str, ...] = ()
     """Vehicles that hold a part of their route for which the device is needed."""
+    # 0052: so the panel shows why a job failed, also while the order service is down
     jobs: tuple[PeripheralJobStatus, ...] = ()
     """Its first unfinished jobs, at most 10, then the last ended ones, at most 5, newest first."""
 
@@ -139,6 +140,7 @@ class PeripheralJobList(Resource):
 class DeviceRequest(Resource):
     """Asks a device to execute an operation; sent again with the same ``jobId`` until it is acknowledged."""
 
+    # 0052: without this, "sent" and "executed" could not be told apart after a crash
     job_id: str
     """A device that already has this job does not begin it again, but repeats its last answer."""
     operation: str

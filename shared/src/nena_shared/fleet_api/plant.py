@@ -142,10 +142,12 @@ class ZoneSetList(Resource):
     zone_sets: tuple[ZoneSetStatus, ...]
 
 
+# 0026: robots let several cells of larger grids share a pixel
 SIDE_LIMIT: Final = 2048
 """Pixels."""
 PNG_LIMIT: Final = 2 * 1024 * 1024
 """Bytes."""
+# Base64 makes the largest image a third longer
 PAYLOAD_LIMIT: Final = 3 * 1024 * 1024
 """Maximum size of the message, bytes."""
 

@@ -26,6 +26,7 @@ from pydantic import (
 from nena_shared.clock import iso
 from nena_shared.fleet_api.base import Resource
 
+# 0112: JSON, because the control panel reads the same tables
 TEXTS: Final = Path(__file__).parent / "texts"
 """The folder with a table of texts for each language; the control panel serves it."""
 
@@ -401,6 +402,7 @@ class Reason:
     """A reason; two are equal if their codes, values and causes are. ``str`` returns the English text."""
 
     code: ReasonCode
+    # a dictionary has no hash; equality compares it nevertheless
     values: dict[str, Value] = field(hash=False)
     """As they are sent: times in ISO 8601."""
     causes: tuple[Reason, ...]
@@ -420,6 +422,7 @@ class Reason:
         if isinstance(text, Reason):
             return text
         if coded is None:
+            # 0112: the panel sends such texts as a person's words, and each user reads them in their language
             code = _NOTED.get(text)
             return Reason(code) if code else Reason(ReasonCode.WORDS, text=text)
         try:
@@ -431,6 +434,7 @@ class Reason:
         """Return whether a status already has this reason; cheaper than to compare with :attr:`coded`."""
         return (
             coded is not None
+            # 0112: codes, not texts: each decision asks this for each waiting order
             and (self.code, self.values) == (coded.code, coded.values)
             and len(self.causes) == len(coded.causes)
             and all(map(Reason.is_sent_as, self.causes, coded.causes))

@@ -58,6 +58,7 @@ class Refusal(ProblemType):
         "The name is taken.",
         "Choose another name, or set `incompleteName` to have a suffix added. Names are never reused.",
     )
+    # 422, as the IETF's draft of the header Idempotency-Key recommends
     KEY_REUSED = (
         HTTPStatus.UNPROCESSABLE_ENTITY,
         "The idempotency key was used for a different request.",
@@ -68,6 +69,7 @@ class Refusal(ProblemType):
         "The request does not fit the plant model.",
         "Fix what `errors` lists; `/v1/points`, `/v1/locations` and `/v1/vehicles` list the names.",
     )
+    # 404, as openTCS's web API answers orders with unknown names
     UNKNOWN_IN_PLANT = (
         HTTPStatus.NOT_FOUND,
         "The request names something unknown to the plant model.",
@@ -103,6 +105,7 @@ class Refusal(ProblemType):
         "The order sequence refuses the order.",
         "Read `detail`: the sequence is complete, or has other order types or another vehicle.",
     )
+    # RFC 9110, 13.1.1: the answer to an If-Match that does not match
     VERSION_CHANGED = (
         HTTPStatus.PRECONDITION_FAILED,
         "The object has another version.",

@@ -34,6 +34,7 @@ from nena_shared.fleet_api.vehicle import (
 )
 from nena_shared.vda5050.action import ActionStatus, BlockingType, ParameterValue
 
+# 18 digits fit into a 64-bit integer of the store
 AfterNumber = Annotated[str, Field(pattern=r"^[0-9]{1,18}$")]
 """Value of ``next`` of the previous page."""
 
@@ -110,6 +111,7 @@ class VehicleList(Resource):
 class WithdrawalRequest(Request):
     """Request to withdraw a transport order."""
 
+    # 0112: a text of the table of reasons, so that the panel shows it in its user's language
     reason: Annotated[str, Field(min_length=1, max_length=500)] = "withdrawn by a host"
     immediate: bool = True
     """Whether its robot is to stop; false: it drives to the end of its base."""

@@ -23,6 +23,7 @@ OPEN_ORDERS_LIMIT: Final = 1000
 class ScheduleDefinition(CamelCase):
     """Which transport order a schedule creates, and when."""
 
+    # 0057: no dependencies and no sequence, so that a run needs no query of other orders
     transport_order: OrderTemplate
     """The body of ``POST /v1/transportOrders``, without the fields of a single order, such as its name."""
     cron: Annotated[str, Field(min_length=1, max_length=200)]

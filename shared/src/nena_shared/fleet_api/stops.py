@@ -34,6 +34,7 @@ class Area(Request):
         """Return whether a position, m in the plant frame, is in the rectangle or on its border."""
         return self.x_min <= x <= self.x_max and self.y_min <= y <= self.y_max
 
+    # 0054: a robot that drives straight to a coordinate may pass through without a point inside
     def crosses(self, start: tuple[float, float], end: tuple[float, float]) -> bool:
         """Return whether a straight line touches the rectangle (Liang and Barsky's algorithm)."""
         enters, leaves = 0.0, 1.0

@@ -62,6 +62,7 @@ class FleetTopics:
     @property
     def creation_requests(self) -> str:
         """Topic filter of requests to create transport orders."""
+        # apart from the other commands, so that a broker's access list can allow hosts only this one
         return f"{self.prefix}/hosts/+/transportOrders/create"
 
     def creation_request(self, host: str) -> str:
@@ -151,6 +152,7 @@ class FleetTopics:
 
     def robot_map(self, robot: RobotKey) -> str:
         """Return the topic of a robot's own map, as :class:`MapImage`, retained; not part of VDA 5050."""
+        # 0026: not below the robot's VDA 5050 topics, where other fleet controls fail at unknown messages
         return self._of_robot(robot, "map")
 
     @property

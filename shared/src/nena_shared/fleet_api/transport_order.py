@@ -221,9 +221,11 @@ class TransportOrderRequest(OrderTemplate):
     """Orders with earlier deadlines are served first; an order not finished by then is ``late``."""
     dependencies: Annotated[tuple[OrderName, ...], Field(max_length=100)] = ()
     """Names of orders that must be FINISHED first; until then, the order is ACTIVE."""
+    # openTCS leaves such an order waiting, without a reason, until the failed one is swept
     on_dependency_failure: DependencyFailure = DependencyFailure.FAIL
     wrapping_sequence: OrderName | None = None
     """Name of the order sequence to which it is added."""
+    # 0060: not compared when a request is repeated, as each attempt of a client is another span
     traceparent: Traceparent | None = None
     """Trace of the host (W3C Trace Context), to which the order's trace links."""
 

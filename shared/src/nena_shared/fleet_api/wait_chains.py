@@ -36,6 +36,7 @@ def wait_chains(
     asked = {
         name: tuple(vehicle for vehicle in vehicles if vehicle != name)
         for name, vehicles in waits.items()
+        # 0044: somebody has to help a stuck vehicle first, whatever it waits for
         if name not in stuck
     }
     asked = {name: vehicles for name, vehicles in asked.items() if vehicles}

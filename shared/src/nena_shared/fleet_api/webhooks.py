@@ -15,6 +15,7 @@ class WebhookState(StrEnum):
     """The last message was delivered, or none has been sent yet."""
     RETRYING = "RETRYING"
     """The receiver does not accept the current message; later ones wait."""
+    # by Standard Webhooks, 410 means that the receiver wants no more messages
     DISABLED = "DISABLED"
     """The receiver answered 410 (Gone). Messages are sent again after a restart or a change of the plant."""
 

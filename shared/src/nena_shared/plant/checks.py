@@ -247,6 +247,7 @@ def _dangling_reference(kind: ObjectKind, name: str, wanted: ObjectKind, referen
 def _name_warnings(model: PlantModel) -> Iterator[PlantProblem]:
     for kind, name in _all_names(model):
         if name != name.strip() or not name.isprintable():
+            # unchanged, as it becomes the nodeId or edgeId by which robots may know the place
             text = "the name has leading or trailing spaces or invisible characters; it is kept unchanged"
             yield PlantProblem("SUSPICIOUS_NAME", kind, name, text)
         if len(name) > LONGEST_NAME:

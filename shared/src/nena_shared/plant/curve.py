@@ -13,6 +13,7 @@ _SAMPLES: Final = 64
 _PARTS: Final = 4
 """Minimum number of parts per degree for each segment of a curve, so that loops are not missed."""
 
+# with these knots and degree 3, a NURBS of LIF is a BEZIER of openTCS
 CUBIC_BEZIER_KNOTS: Final = (0.0,) * 4 + (1.0,) * 4
 
 
@@ -89,6 +90,7 @@ def scaled(trajectory: PathTrajectory) -> PathTrajectory:
 
 def is_cubic_bezier(trajectory: PathTrajectory) -> bool:
     """Return whether a curve is a single cubic Bezier curve without weights."""
+    # equal weights cancel out in a rational curve
     weights = {point.weight for point in trajectory.control_points}
     return (trajectory.degree, trajectory.knot_vector) == (3, CUBIC_BEZIER_KNOTS) and len(weights) == 1
 

@@ -44,6 +44,7 @@ def _topic_errors(vehicle: Vehicle, serial: str) -> Iterator[PlantProblem]:
     if length >= KEY_LENGTH:
         text = f"manufacturer and serial number have {length} characters; shorten them to {KEY_LENGTH - 1}"
         yield PlantProblem("NOT_IN_TOPICS", kind, name, text)
+    # MQTT's separator and wildcards (3.1.1, 4.7.1)
     if any(sign in f"{vehicle.manufacturer}{serial}" for sign in "/+#"):
         names = f"manufacturer {vehicle.manufacturer!r} and serial number {serial!r}"
         text = f"{names} must not contain '/', '+' or '#'"

@@ -9,6 +9,7 @@ from math import ceil, cos, floor, hypot, inf, isfinite, pi, radians, remainder,
 from typing import Final, Generic, NamedTuple, TypeVar
 
 
+# 0019: separate types for both frames, although their content is equal: mypy refuses one for the other
 @dataclass(frozen=True, slots=True)
 class PlantPlace:
     """A position in the plant frame, metres."""
@@ -93,6 +94,7 @@ class MapTransform:
         place = self.to_plant(pose)
         return PlantPose(place.x_m, place.y_m, self.heading_to_plant(pose.heading_rad))
 
+    # 0019: allowed deviations are lengths, and are scaled; speeds are of the real world, and are not
     def length_to_map(self, length_m: float) -> float:
         """Convert a plant length to the map frame, metres."""
         return length_m * self.scale

@@ -94,6 +94,7 @@ class Block(PlantRecord):
 class EnergyThresholds(PlantRecord):
     """Charge levels in percent; critical <= good, sufficiently <= fully recharged."""
 
+    # openTCS's own defaults for objects without these values; files of its old formats lack them
     critical: int = Field(default=30, ge=0, le=100)
     good: int = Field(default=90, ge=0, le=100)
     sufficiently_recharged: int = Field(default=30, ge=0, le=100)

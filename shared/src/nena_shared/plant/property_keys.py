@@ -2,6 +2,7 @@
 
 from typing import Final
 
+# openTCS reserves `tcs:` for itself; `vda5050:` belongs to its driver for VDA 5050
 PREFERRED_PARKING_POSITION: Final = "tcs:preferredParkingPosition"
 ASSIGNED_PARKING_POSITION: Final = "tcs:assignedParkingPosition"
 PARKING_POSITION_PRIORITY: Final = "tcs:parkingPositionPriority"

@@ -22,6 +22,7 @@ class PlantRecord(BaseModel):
         frozen=True,
         alias_generator=to_camel,
         populate_by_name=True,
+        # models of newer releases stay readable
         extra="ignore",
         allow_inf_nan=False,
         defer_build=model_building.deferred,
@@ -238,6 +239,7 @@ class VehicleTypeOnPath(PlantRecord):
     vehicle_orientation: float | None = None
     other_orientations: tuple[float, ...] = ()
     """Alternative orientations (since LIF 2.0)."""
+    # this and the next two: the defaults of LIF
     orientation_type: PathOrientationType = PathOrientationType.TANGENTIAL
     rotation_at_start_node_allowed: RotationAllowed = RotationAllowed.BOTH
     rotation_at_end_node_allowed: RotationAllowed = RotationAllowed.BOTH
@@ -251,6 +253,7 @@ class VehicleTypeOnPath(PlantRecord):
     trajectory: PathTrajectory | None = None
     line_guidance: LineGuidance | None = None
     corridor: PathCorridor | None = None
+    # LIF's default
     reentry_allowed: bool = True
 
     @property
@@ -267,6 +270,7 @@ class VehicleTypeOnPath(PlantRecord):
 
     def leads_backward(self, orientation: float) -> bool:
         """Return whether vehicles with this orientation drive backwards on this path."""
+        # LIF: 0 is forwards and pi backwards, relative to the path; GLOBAL is relative to the plant
         return self.orientation_type is PathOrientationType.TANGENTIAL and cos(orientation) < 0
 
 
@@ -373,6 +377,7 @@ class Path(PlantRecord):
     name: str = Field(min_length=1)
     source: str
     destination: str
+    # openTCS, too, has no paths without a length
     length_mm: int = Field(ge=1, le=FAR_MM)
     max_velocity_mm_s: int = Field(default=1000, ge=0, le=FAR_MM)
     max_reverse_velocity_mm_s: int = Field(default=0, ge=0, le=FAR_MM)
@@ -395,6 +400,7 @@ class Path(PlantRecord):
 
     def is_open_to(self, vehicle_type: str) -> bool:
         """Return whether vehicles of a type may use the path."""
+        # LIF: an element is closed to types without an entry; openTCS's models have no entries at all
         return not self.vehicle_types or self.use_by(vehicle_type) is not None
 
     def edges(self) -> Iterator["DirectedEdge"]:

@@ -36,6 +36,7 @@ def check_library(distribution: str) -> None:
     Raises:
         ConfigurationError: the extra ``blackbox`` of the distribution is not installed.
     """
+    # looked for, not imported: 0061 loads the library with the first file
     if find_spec("mcap") is None:
         message = f"black_box.enabled: mcap is missing; install the extra {distribution}[blackbox]"
         raise ConfigurationError([message])
@@ -73,6 +74,7 @@ def outgoing_of(settings: OutgoingSettings, source: RobotKey, topics: FleetTopic
         ConfigurationError: there is no home directory.
     """
     try:
+        # a manufacturer or serial number such as ".." must not lead out of the folder
         place = settings.folder.expanduser() / quote(str(source), safe=" :").replace(".", "%2E")
     except RuntimeError as error:
         raise ConfigurationError([f"upload.folder: {error}"]) from error
@@ -145,6 +147,7 @@ class BlackBox:
         """
         if self._requested is None or self._requested.done():
             self._requested = asyncio.create_task(self._write_file(REQUEST), name="requested recording")
+        # several requests may wait for it: one that is cancelled must not end it for the others
         return await asyncio.shield(self._requested)
 
     async def _write_file(self, reason: str) -> str:
@@ -159,6 +162,7 @@ class BlackBox:
         since, source = iso(utc - timedelta(seconds=self._settings.seconds)), self._source
         recording = Recording(
             self.ring.entries(now),
+            # lines begin with their time in ISO 8601, so texts compare as times do
             [line for line in recent_lines() if line > since],
             now,
             utc,

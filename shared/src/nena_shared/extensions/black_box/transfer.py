@@ -68,6 +68,7 @@ def read_chunk(payload: bytes) -> Chunk:
         first = error.errors(include_url=False, include_input=False)[0]
         message = f"{'.'.join(map(str, first['loc'])) or 'header'}: {first['msg']}"
         raise BadChunkError(message) from error
+    # the receiver stores the file under this name: it must not lead to another folder
     if FILE_NAME.fullmatch(header.name) is None:
         message = "name: not a file name"
         raise BadChunkError(message)
@@ -132,6 +133,7 @@ class Transfer:
         if answer.verdict is not Verdict.MORE:
             self.end = answer
             return True
+        # the second one contradicts MORE, and nothing could be read there
         if answer.received == self.offset or answer.received >= self.size:
             return False
         self.offset = answer.received

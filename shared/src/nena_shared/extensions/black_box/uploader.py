@@ -132,6 +132,7 @@ class Uploader:
             data = await asyncio.to_thread(_read_chunk, path, transfer.offset)
             self._answered.clear()
             if self._link and self._link.state.connected:
+                # not kept: it is sent again after a timeout, and in the queue it would displace others
                 self._link.publish(Outbound(self._topics.chunks, transfer.chunk(data).encode(), keep=False))
             await asyncio.sleep(len(data) / self._rate)
             answered = await set_within(self._answered, timeout)
@@ -150,6 +151,7 @@ class Uploader:
 def _begin_transfer(path: Path) -> Transfer:
     with path.open("rb") as file:
         digest = file_digest(file, "sha256").hexdigest()
+        # the number of bytes that were hashed, not what the folder says at another time
         return Transfer(path.name, file.tell(), digest)
 
 

@@ -74,6 +74,7 @@ class BoundedHttp:
         """
         try:
             async with (
+                # httpx's timeout counts for each read: an issuer that drips bytes would never reach it
                 asyncio.timeout(self._timeout),
                 httpx.AsyncClient(verify=self._tls, timeout=self._timeout, trust_env=False) as client,
                 client.stream(method, url, data=form, auth=login, headers=HEADERS) as answer,
@@ -120,6 +121,7 @@ class Metadata(BaseModel):
     jwks_uri: ProtectedUrl
     authorization_endpoint: str = ""
     token_endpoint: str = ""
+    # OpenID Connect Discovery 1.0, 3: the default of issuers that omit it
     token_endpoint_auth_methods_supported: tuple[str, ...] = Field(default=("client_secret_basic",))
 
 
@@ -140,6 +142,7 @@ def metadata_of(document: dict[str, Any], issuer: str) -> Metadata:
         problems = "; ".join(in_words(error.errors(), whole="the document", most=PROBLEMS_SHOWN))
         message = f"{metadata_url(issuer)} is invalid: {problems}"
         raise IssuerUnavailableError(message) from error
+    # OpenID Connect Discovery 1.0, 4.3: exactly equal, or one issuer could name the keys of another
     if found.issuer != issuer:
         message = f"its issuer is {shortened(repr(found.issuer))}: set http.oidc.issuer to exactly this value"
         raise IssuerUnavailableError(message)
@@ -190,6 +193,7 @@ class KeySet:
             return None
         try:
             made = PyJWK(dict(fitting[0]), algorithm=algorithm)
+        # 0040: a damaged key makes only its own tokens unusable, not the whole set
         except PyJWTError:
             return None
         self._made[kid, algorithm] = made
@@ -197,6 +201,7 @@ class KeySet:
 
 
 def _is_usable(key: Mapping[str, Any]) -> bool:
+    # RFC 7517, 4.2 and 4.4: `use` and `alg` are optional
     return key.get("kty") in KINDS.values() and key.get("use", "sig") == "sig"
 
 
@@ -267,6 +272,7 @@ class Issuer:
         """
         known = await self._current_keys(lambda known: known.keys.has(header.kid, header.algorithm))
         key = known.keys.find(header.kid, header.algorithm)
+        # 0031: the issuer may have the key by now, so the token can be neither accepted nor refused
         if key is None and self.problem:
             raise IssuerUnavailableError(self.problem)
         if key is None:
@@ -278,6 +284,7 @@ class Issuer:
         """Return the cached keys if they are sufficient, else fetch them."""
         known = self._known
         if known and serves(known) and self._is_younger(known, KEPT):
+            # in the background: an issuer that hangs delays no request that the known keys can serve
             if not self._is_younger(known, FRESH):
                 self._begin_to_renew()
             return known

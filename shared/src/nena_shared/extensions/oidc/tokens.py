@@ -15,6 +15,7 @@ from nena_shared.web.issued_tokens import TokenRefusedError
 LENGTH_LIMIT = 16_384
 """Characters."""
 
+# RFC 9068, 2.1: at+jwt; many issuers still write JWT or nothing
 TYPES = frozenset({"", "jwt", "at+jwt", "application/at+jwt"})
 """Accepted types (typ) of tokens; tokens of other types do not prove an identity."""
 
@@ -59,6 +60,7 @@ def header_of(token: str, algorithms: Sequence[str]) -> TokenHeader:
     if algorithm not in algorithms:
         message = f"its signature algorithm is not accepted, only {', '.join(algorithms)} (alg)"
         raise TokenRefusedError(message)
+    # RFC 7515, 4.1.11: extensions that a reader must understand, and this one knows none
     if "crit" in header or str(header.get("typ") or "").lower() not in TYPES:
         message = "its type is not accepted (typ, crit)"
         raise TokenRefusedError(message)
@@ -78,6 +80,7 @@ def verified(
         claims: dict[str, Any] = jwt.decode(
             token,
             key,
+            # 0031: the key was made for this algorithm, so a public key is never taken as a shared secret
             algorithms=[header.algorithm],
             issuer=issuer,
             audience=audience,

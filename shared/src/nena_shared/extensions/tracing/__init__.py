@@ -70,6 +70,7 @@ class TraceContext:
         if traceparent is None:
             return None
         trace_id, span_id = (int(each, 16) for each in traceparent.split("-")[1:3])
+        # W3C Trace Context, 3.2.2: IDs of zeros only are invalid
         return cls(trace_id, span_id) if trace_id and span_id else None
 
 
@@ -94,6 +95,7 @@ def vda_order_span_id(order_id: str) -> int:
 
 
 def _derive_id(kind: str, name: str, length: int) -> int:
+    # 0060: order service and agent may be of different releases, so this text never changes
     return int.from_bytes(sha256(f"nena:{kind}:{name}".encode()).digest()[:length], "big")
 
 

@@ -99,6 +99,7 @@ class SpanExport:
         )
         self._ids, self._ended = _ChosenIds(), _Ended()
         provider = TracerProvider(
+            # 0060: by the trace ID, so that both sides choose the same orders
             sampler=TraceIdRatioBased(settings.sample_ratio),
             resource=Resource.create({"service.name": service, "service.version": version}),
             id_generator=self._ids,
@@ -142,6 +143,7 @@ class SpanExport:
         attempts.setLevel(logging.WARNING)
         attempts.propagate = False
         attempts.addHandler(self._reason)
+        # 0060: a daemon, which cannot delay the end of the program beyond `CLOSE_TIMEOUT`
         thread = threading.Thread(target=self._export_batches, name="span export", daemon=True)
         thread.start()
         return thread
@@ -150,6 +152,7 @@ class SpanExport:
         while not self._closed.is_set():
             self._wake.wait()
             self._closed.wait(BATCH_DELAY)
+            # before the queue is emptied: a span that comes meanwhile wakes the thread again
             self._wake.clear()
             self._export_all()
         self._export_all()  # what was added between the last export and the end
@@ -168,6 +171,7 @@ class SpanExport:
             made = self._ended.spans
             works = not made or self._exporter.export(made) is SpanExportResult.SUCCESS
         except Exception:
+            # any error of the SDK: it would end the thread, and with it the export
             log.exception("spans cannot be converted")
             works = False
         self._outcomes["exported" if works else "failed"] += len(self._ended.spans)
@@ -198,6 +202,7 @@ class SpanExport:
             made.add_event(event.name, event.attributes, _nanoseconds(event.time))
         if span.error:
             made.set_status(trace.StatusCode.ERROR, span.error)
+        # a clock that was set back between them must not make the span negative
         made.end(_nanoseconds(max(span.begin, span.end)))
 
 
@@ -218,4 +223,5 @@ def _span_context(trace_id: int, span_id: int) -> trace.SpanContext:
 
 
 def _nanoseconds(moment: datetime) -> int:
+    # by microseconds: a float does not hold nanoseconds since 1970 exactly
     return round(moment.timestamp() * 1e6) * 1000

@@ -50,6 +50,7 @@ SHOW_POINT = Operation(
     "point",
     "Return a point, with the vehicles that stand there or for which it is reserved.",
     "GET",
+    # `path`: names of points, locations and paths may contain a slash
     f"{POINTS}/{{name:path}}",
     PointStatus,
     subject="point",

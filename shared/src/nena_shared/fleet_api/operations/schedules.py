@@ -34,6 +34,7 @@ SHOW_SCHEDULE = Operation(
 PUT_SCHEDULE = Operation(
     "putSchedule",
     "Create a schedule, which creates transport orders at planned times, or replace its definition.",
+    # 0057: PUT, so that clients may repeat it over a takeover without an idempotency key
     "PUT",
     f"{SCHEDULES}/{{name}}",
     ScheduleStatus,
