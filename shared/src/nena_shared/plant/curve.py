@@ -80,7 +80,7 @@ def length(trajectory: PathTrajectory) -> float:
 
 def scaled(trajectory: PathTrajectory) -> PathTrajectory:
     """Return a valid curve with its knots scaled to 0 to 1."""
-    # VDA 5050 3.0, 7.3 has knots from 0 to 1; LIF allows any
+    # VDA 5050 3.0, 7.3 and LIF have knots from 0 to 1; some LIF files go beyond
     knots = trajectory.knot_vector
     if knots[0] >= 0 and knots[-1] <= 1:
         return trajectory
