@@ -26,7 +26,7 @@ def install(folder: Path, name: str, code: str, *, group: str, entry: str) -> No
 def install_example(folder: Path, group: str, name: str = "acme_chat") -> None:
     """Install the example that docs/extensions.md has for a service, with the entry point that it names."""
     page = (DOCS / "extensions.md").read_text("utf-8")
-    found = re.search(rf'```toml\n\[project.entry-points."{group}"\]\n(.*?)\n```', page)
+    found = re.search(rf'\[project.entry-points."{group}"\]\n(.*?)\n```', page)
     assert found
     entry, codes = (
         found[1].replace('"', ""),
