@@ -102,7 +102,7 @@ class MemoryStore(Store):
         """Complete the oldest waiting commit, and hold the rest."""
         self._waiting.pop(0)()
 
-    async def unfinished(self) -> Unfinished:
+    async def read_unfinished(self) -> Unfinished:
         return self.found
 
     async def documents(self, kind: str) -> dict[str, str]:

@@ -30,7 +30,7 @@ class AskedStore(MemoryStore):
         self.ended = assigned_order("B", number=1, name="D").finished(NOW)
         self._everybody = asyncio.Barrier(askers)
 
-    async def order(self, *, name: str | None = None, **_: Any) -> TransportOrder | None:
+    async def read_order(self, *, name: str | None = None, **_: Any) -> TransportOrder | None:
         await self._everybody.wait()
         return self.ended if name == "D" else None
 

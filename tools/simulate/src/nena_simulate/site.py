@@ -115,7 +115,7 @@ class VolatileStore(Store):
             asyncio.get_running_loop().call_later(self._seconds, self._after_commit)
         self._then.append(then)
 
-    async def unfinished(self) -> Unfinished:
+    async def read_unfinished(self) -> Unfinished:
         """Return nothing."""
         return Unfinished((), {}, 0)
 
