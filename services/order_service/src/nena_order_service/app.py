@@ -86,6 +86,7 @@ async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
 
 async def _serve_alone(settings: OrderServiceSettings, plant: PlantFile, stop: asyncio.Event) -> None:
     url = settings.store.location()
+    # Before the tables are created or checked: the file may be that of a running order service (0008).
     lock = InstanceLock.take(url)
     engine = open_database(url)
     epoch = begin_epoch(engine)
@@ -160,6 +161,7 @@ async def _lead_fleet(
         server.show(make_starting_app(lambda: store.why_not_ready))
         server.open(supervisor)
 
+    # 0108: of two order services with different stores at one broker, the second one exits.
     supervisor.start("fleet guard", guard.run())
     runner = ServiceRunner(plant, store, supervisor, make=make, show=server.show)
     begun = False
@@ -180,6 +182,7 @@ async def _lead_fleet(
 async def _shut_down(service: OrderService) -> None:
     """Write and send everything that is pending."""
     await service.end()
+    # The store first: what it still commits is then published (0008).
     if not await service.store.drain(DRAIN_TIMEOUT):
         log.error(
             "exiting with unanswered requests that the store did not accept", reason=service.store.problem

@@ -129,6 +129,7 @@ class ServiceRunner:
             try:
                 await self._change_model(asked)
             except (InvalidPlantError, PlantInUseError, StoreNotReadyError) as error:
+                # The timeout in change_plant cancels the future, which takes no result then.
                 if not asked.done.done():
                     asked.done.set_exception(error)
             else:

@@ -121,6 +121,7 @@ class OrderService:
         listeners = Listeners(extensions)
         work.listeners += [self.publisher, self.stream, listeners]
         work.peripheral_listeners += [self.publisher, listeners]
+        # 0055: the row of a request joins the transaction of its change: no change is without one.
         work.recorders.append(record_current)
         hosts.trail.listeners.append(listeners)
         self.fleet.listeners.append(listeners)

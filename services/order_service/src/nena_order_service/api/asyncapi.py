@@ -236,6 +236,7 @@ def _message_object(channel: Channel) -> dict[str, Any]:
     if channel.body:
         schema = {"$ref": f"#/components/schemas/{channel.body.__name__}"}
         if channel.retained:
+            # The epoch is added to the JSON when it is published, so no model has the field.
             schema = {"allOf": [schema, {"type": "object", "properties": {"epoch": EPOCH}}]}
     return {"name": channel.name, "contentType": "application/json", "payload": schema}
 

@@ -88,6 +88,7 @@ def describe_login(app: FastAPI) -> None:
     def described() -> dict[str, Any]:
         document = plain()
         document.setdefault("components", {})["securitySchemes"] = {"bearer": BEARER}
+        # OpenAPI: the empty requirement makes the login optional, because a service may have no users.
         document["security"] = [{}, {"bearer": []}]
         return document
 

@@ -132,6 +132,7 @@ class EventStream(EventRing[_Event]):
         with self.client():
             resumed = self._number_of(last_id)
             lost = _GAP_FRAME if last_id and resumed is None else b""
+            # Before the store is read: what is committed meanwhile comes again rather than never.
             position = self.count
             frames, known = await self._catch_up(resumed, interest)
             yield b"retry: 1000\n\n" + lost + frames

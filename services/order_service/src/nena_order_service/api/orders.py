@@ -99,6 +99,7 @@ class OrderOperations:
         The same request has the same idempotency key, or without one the same name.
         """
         order, new = await self._create_uncommitted(request)
+        # Also for a known order: the request that created it may still be in the commit (0008).
         try:
             await self._engine.unit_of_work.wait_committed()
         finally:  # a robot must not wait for its order while the log is written
@@ -123,6 +124,7 @@ class OrderOperations:
                         self._check_order(order, earlier) if check_only else self._create_uncommitted(order)
                     )
                 )
+            # A RefusedError too, but of the whole batch: its host repeats all of it.
             except errors.StoreNotReadyError:
                 raise
             except (InvalidRequestError, errors.RefusedError) as error:
@@ -382,6 +384,7 @@ class _Earlier:
                 raise errors.KeyReusedError(key, self.keys[key].name or "an earlier order of the batch")
             return True
         if name and name in self.names:
+            # A key that is new makes it another request, as in check_same_request.
             if key or self.names[name] != request:
                 raise errors.NameTakenError(name)
             return True

@@ -69,6 +69,7 @@ def install(app: FastAPI) -> None:
 def _problem_of_validation(request: Request, error: RequestValidationError) -> Problem:
     findings = error.errors()
     content_type = request.headers.get("content-type", "no content type")
+    # FastAPI does not parse a body of another content type, and reports that it is no object.
     if "json" not in content_type and any(item["loc"][0] == "body" for item in findings):
         return Problem(
             title="Not JSON",

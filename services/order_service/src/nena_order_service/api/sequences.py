@@ -50,6 +50,7 @@ class SequenceOperations:
                 log.info("order sequence created", sequence=name)
             return self._visible_status(sequence), True
         check_same_request(sequence, request, SEQUENCE_PREFIX, same=sequence.was_created_by(request))
+        # 0008: the request that created it may still be in the commit; an answer must outlast a kill.
         await self._engine.unit_of_work.wait_committed()
         return self._visible_status(sequence), False
 

@@ -47,6 +47,7 @@ class EndedOrders:
 
     def add(self, status: TransportOrderStatus) -> None:
         """Keep the final status of an order; if it is published again, for the whole time."""
+        # Assigning to a present name would keep its place, and the oldest must stay first.
         self._ends.pop(status.name, None)
         self._ends[status.name] = asyncio.get_running_loop().time() + self._kept, status
         if len(self._ends) > ENDS_KEPT:
@@ -244,6 +245,7 @@ class RetainedSweep:
         self._topics = publisher.topics
         self._engine = engine
         self._publisher = publisher
+        # With the main link's client ID, the broker would end that connection (MQTT 3.1.1, 3.1.4).
         self._settings = settings.model_copy(update={"client_id": None})
         self._client_id = client_id
         self._names: set[str] = set()
@@ -304,6 +306,7 @@ class RetainedSweep:
     def _note_status(self, message: Inbound) -> None:
         name = self._name_in(message, self._topics.order_status)
         order = self._engine.state.orders.visible_named(name)
+        # 0008: a kill between commit and publishing leaves an earlier status at the broker.
         has_ended = order is None or order.state.final
         if message.retained and message.payload and (self._is_stale(message) or has_ended):
             self._names.add(name)

@@ -60,6 +60,7 @@ class PendingChanges:
 
     def take(self) -> PendingChanges:
         """Return the changes so far, and reset them."""
+        # Reset in place, because orders, sequences and others hold this object.
         taken = replace(self)
         PendingChanges.__init__(self)
         return taken
@@ -80,6 +81,7 @@ class Orders:
         self._orders: dict[int, TransportOrder] = {}
         self._by_name: dict[str, int] = {}
         self._by_key: dict[str, int] = {}
+        # 0008: a kill undoes what is not committed, so hosts must not have seen it.
         self._committed: dict[int, TransportOrder] = {}
         self._recent: OrderedDict[int, None] = OrderedDict()
         self._ended: list[TransportOrder] = []
@@ -279,6 +281,7 @@ class OrderSequences:
         vehicle = sequence.status.processing_vehicle
         if sequence.bound_vehicle:
             self._bound[sequence.bound_vehicle] = sequence.name
+        # A finished one, whose vehicle may be bound to another sequence by now.
         elif vehicle and self._bound.get(vehicle) == sequence.name:
             del self._bound[vehicle]
 

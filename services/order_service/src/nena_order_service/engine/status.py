@@ -127,6 +127,7 @@ def vehicle_status(
 def _processing_state(transport_order: str | None, order_sequence: str | None) -> ProcessingState:
     if transport_order:
         return ProcessingState.PROCESSING_ORDER
+    # openTCS: a vehicle that is bound to a sequence awaits its next order, and is not idle.
     return ProcessingState.AWAITING_ORDER if order_sequence else ProcessingState.IDLE
 
 

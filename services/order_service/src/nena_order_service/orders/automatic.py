@@ -13,6 +13,7 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderRequest,
 )
 
+# The types and name prefixes of the orders that openTCS creates for idle vehicles.
 PARK_TYPE: Final = "Park"
 RECHARGE_TYPE: Final = "Charge"
 PREFIXES: Final = {PARK_TYPE: "Park-", RECHARGE_TYPE: "Recharge-"}

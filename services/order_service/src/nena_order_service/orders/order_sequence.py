@@ -92,6 +92,7 @@ class OrderSequence:
         if not {ANY_TYPE, order_type} & set(status.order_types):
             types = ", ".join(map(repr, status.order_types))
             yield f"it accepts no orders of type {order_type!r}, only {types}"
+        # openTCS wants the same vehicle in both; here an order may also name none.
         if request.intended_vehicle not in (None, status.intended_vehicle):
             meant = f"vehicle {status.intended_vehicle!r}" if status.intended_vehicle else "any vehicle"
             intended = request.intended_vehicle

@@ -165,6 +165,7 @@ class ChangeLog(EventRing[_Change]):
             raise TooManyClientsError(CLIENTS)
 
     def _event_frame(self, change: _Change) -> bytes:
+        # Without an ID, as in openTCS: a client cannot ask for what it has missed.
         event = {
             "currentObjectState": self._object_json(change.status, change.times),
             "previousObjectState": self._object_json(change.last, change.times) if change.last else None,
@@ -252,6 +253,7 @@ def position_of(status: VehicleStatus) -> Json | None:
 def angle_of(status: VehicleStatus) -> float | str:
     """Return the heading of a vehicle, degrees; ``NaN`` if it is unknown."""
     position = status.precise_position
+    # openTCS shows a heading that is not set as NaN, which JSON cannot have as a number.
     return round(degrees(position.theta), 3) if position else "NaN"
 
 

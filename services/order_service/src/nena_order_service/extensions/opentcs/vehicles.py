@@ -190,6 +190,7 @@ def _add_commands(app: FastAPI, hosts: HostServices) -> None:
 
     @app.put("/v1/paths/{name:path}/locked", response_class=Response)
     async def lock(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> None:
+        # Affects routes at once; openTCS waits for a topology update by default.
         await hosts.locks.set(name, locked=new_value)
 
 

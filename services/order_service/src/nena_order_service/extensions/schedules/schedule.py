@@ -155,6 +155,7 @@ def find_due_runs(definition: ScheduleRequest, last: datetime, now: datetime) ->
     on_time: list[datetime] = []
     missed: deque[datetime] = deque(maxlen=definition.catch_up)
     skipped, last_skipped = 0, None
+    # 0057: after a long outage, a schedule for each minute would have thousands.
     for planned in planned_times(definition, max(last, now - LOOK_BACK)):
         if planned > now:
             break
@@ -176,6 +177,7 @@ def check_schedule(name: str, definition: ScheduleRequest, now: datetime) -> Non
     of_zone, of_cron = _problem_of_zone(definition.time_zone), _problem_of_cron(definition.cron)
     problems += filter(None, (of_zone, of_cron))
     if not problems:
+        # A disabled one has no planned times, whatever its cron expression.
         enabled = definition.model_copy(update={"enabled": True})
         if next(planned_times(enabled, now), None) is None:
             problems.append(
