@@ -109,9 +109,11 @@ async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: 
             if await leadership.win(stop):
                 own_url = str(settings.public_url or server.url).rstrip("/")
                 engine, fence = await leadership.take_over(own_url)
+                # 0022: the lock alone does not fence, because its holder learns late that it is lost.
                 store = Store(engine, fence=fence)
                 supervisor.start("leadership", leadership.keep(store, engine, fence))
                 log.info("shared store taken over", epoch=fence.epoch)
+                # 0022: without the lease, a program that hung would go on resending after a takeover.
                 guard = _guard_fleet(settings, store_id(engine), fence.epoch, leadership.lease.term)
                 await _lead_fleet(settings, plant, store, supervisor, stop, server=server, guard=guard)
         finally:

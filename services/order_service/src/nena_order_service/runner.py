@@ -162,6 +162,7 @@ class ServiceRunner:
         time = asyncio.get_running_loop().time
         await asyncio.sleep(self._restart_at - time())
         self._restart_at = time() + RESTART_PAUSE
+        # 0008: memory may be half changed, and undoing that would need a copy of all of it.
         service = await asyncio.to_thread(self._make, self.service.engine.plant)
         await self._replace_service(service, partial(self._commit_after_all, Changes()))
         log.warning("restarted from the store after an internal error")

@@ -132,6 +132,7 @@ class HostOperations:
         """Execute an operation; raises the errors in :mod:`nena_order_service.errors`."""
         handler = self.handlers[operation.name]
         values = {name: getattr(call, name) for name in self._parameters[operation.name]}
+        # 0055: recorded at this one place, so that no new operation can be forgotten.
         recording: AbstractContextManager[OpenRequest | None] = (
             nullcontext()
             if operation.method == "GET"

@@ -50,6 +50,7 @@ class PeripheralLink:
 
     def greeting(self) -> Iterator[Outbound]:
         """Yield the messages for a new connection: the jobs under way, once more."""
+        # 0052: a device repeats its answer to a jobId that it knows, and executes nothing twice.
         for location, request in self._engine.peripherals.requests_under_way():
             yield self._make_message(location, PeripheralTopic.JOB, request)
 

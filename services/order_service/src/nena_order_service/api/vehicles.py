@@ -179,6 +179,7 @@ class VehicleOperations:
             self._engine.state.drives.sent.get(vehicle.key)
             or self._engine.state.drives.order_number(vehicle.key) is not None
         )
+        # 0048: VDA 5050 lets the robot clear its order; a host withdraws it, so that its end has a reason.
         if action_type in LEAVES and has_order:
             raise VehicleBusyError(
                 vehicle.name, self._engine.reporter.vehicle_status(vehicle).transport_order or ""

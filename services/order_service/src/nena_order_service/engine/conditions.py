@@ -180,6 +180,7 @@ class Conditions:
             dependency = self._orders.named(name)
             state = dependency.state if dependency else ended[name]
             if state.final and state is not S.FINISHED:
+                # openTCS lets it wait without a reason; here onDependencyFailure decides at once.
                 order = self._failed_dependency(order, name, state)
                 if order.state.final:
                     return order

@@ -145,6 +145,7 @@ class IdleVehicles:
         if choice.reason:
             record.note = Reason(R.CANNOT_RECHARGE, choice.reason)
             return None
+        # openTCS: dispensable unless the energy is critical.
         return recharge_request(vehicle.name, choice.location, choice.operation, dispensable=not urgent)
 
     def _park_request(

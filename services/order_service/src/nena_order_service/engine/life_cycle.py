@@ -396,6 +396,7 @@ class LifeCycle:
 
     def _drive_order_finished(self, order: TransportOrder, drive: Drive) -> None:
         now, index = self._clock.now(), order.status.current_drive_order_index
+        # openTCS: a withdrawn order ends as FAILED, even if its vehicle has done all of it.
         if order.state is S.WITHDRAWN:
             self._end_order(order.failed(_end_of_withdrawn(order, Reason(R.BASE_FINISHED)), now))
             return
@@ -411,6 +412,7 @@ class LifeCycle:
         last = order.current.state is DriveOrderState.FINISHED
         if failure and (last or not order.held):
             self._fail_order(order, failure)
+        # 0052: a required job after the last movement belongs to the order, which waits for its end.
         elif last and not failure and not self._peripherals.jobs_behind(vehicle):
             self._end_order(order.finished(now))
         else:
@@ -489,6 +491,7 @@ class LifeCycle:
         vehicle = self._registry.named(order.vehicle)
         if order.state is not S.BEING_PROCESSED or vehicle is None:
             return
+        # openTCS withdraws the order; here its failure policy decides.
         failure, drive = _failure_of(job), self._drives.of_order(order)
         if order.held and order.current.state is not DriveOrderState.FINISHED:
             if job.after_movement:
@@ -520,6 +523,7 @@ class LifeCycle:
         action = retry_or_skip(unique_id(), event.action_id, retry=self._retries_action(order, words))
         self._answers[action.action_id] = event.order_id, words
         log.info("action has failed", vda_order=event.order_id, answer=action.action_type, reason=str(words))
+        # 0008: only once the try is in the store, so that a restart counts it.
         self._state.after_commit(lambda: self._context.fleet.instant_action(event.robot, action))
 
     def _retries_action(self, order: TransportOrder, words: Reason) -> bool:

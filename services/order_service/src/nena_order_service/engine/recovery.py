@@ -92,6 +92,7 @@ class Recovery:
             self._traffic.restore_position(vehicle.name, [under], box_of(vehicle).length_mm)
         self._traffic.resume_route(vehicle.name, drive.way, drive.allocated)
         self._state.after_commit(
+            # 0008: compared with the robot's state, so that nothing is sent under a second ID.
             lambda: self._context.fleet.adopt_vda_order(
                 drive.robot, drive.as_released(), accepted=drive.accepted, update_id=drive.update_id
             )

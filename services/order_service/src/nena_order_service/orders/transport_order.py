@@ -47,6 +47,7 @@ class EventCode(StrEnum):
 
 def sortable_id() -> str:
     """Return a unique ID; later ones sort behind earlier ones."""
+    # The time first, as in the ULID that openTCS appends to incomplete names.
     return f"{time.time_ns() // 1_000_000:012x}{token_hex(5)}"
 
 
@@ -216,6 +217,7 @@ class TransportOrder:
     def urgency(self) -> Urgency:
         """Sort key of dispatching: higher priority, then earlier deadline, then age."""
         deadline = self.status.deadline
+        # openTCS sorts by deadline and age (BY_DEADLINE) and has no priorities.
         return (-self.status.priority, deadline.timestamp() if deadline else float("inf"), self.number)
 
     def activated(self) -> Self:

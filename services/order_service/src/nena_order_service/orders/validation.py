@@ -120,6 +120,7 @@ def _check_destination(destination: Destination, plant: PlantModel) -> Iterator[
             yield Finding(Reason(R.NO_LINK, location=name))
         elif not plant.access_points(name, destination.operation):
             linked = (plant.link_operations(location, link) for link in location.links)
+            # openTCS: NOP is possible at every link, listed or not.
             names = ", ".join(sorted({NO_OPERATION, *chain.from_iterable(linked)}))
             values = {"operation": destination.operation, "location": name, "names": names}
             yield Finding(Reason(R.NOT_AT_LOCATION, **values))

@@ -160,6 +160,7 @@ class AuditTrail(Extension):
             )
             return
         self._waiting += 1
+        # 0055: not waited for, because pausing a robot must not depend on a disk.
         self._store.commit(Changes(audit=[row]), self._row_written)
 
     def _row_written(self) -> None:

@@ -111,6 +111,7 @@ def make_black_box(settings: BlackBoxSettings, topics: FleetTopics, clock: Clock
     """
     if not settings.black_box.enabled:
         return None
+    # 0061: below the topics of robots, so that aggregator, panel and nena list its files like theirs.
     outgoing = outgoing_of(settings.upload, ORDER_SERVICE, topics)
     return BlackBox(Source(ORDER_SERVICE, DISTRIBUTION), settings.black_box, outgoing, clock)
 

@@ -137,6 +137,7 @@ class DecisionRecorder:
         """Record how a VDA order or an action went on; notice emergency stops."""
         match event:
             case outputs.RobotChanged(robot):
+                # 0061: states are not recorded; those of a thousand robots would fill the memory in seconds.
                 self._look_for_stop(robot)
             case outputs.VdaOrderFailed(robot, order_id, reason, details):
                 failure = {"orderId": order_id, "reason": str(reason), "details": details, "kind": event.kind}

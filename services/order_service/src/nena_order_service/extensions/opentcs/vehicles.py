@@ -172,11 +172,13 @@ def _add_commands(app: FastAPI, hosts: HostServices) -> None:
     async def pause(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> None:
         request = InstantActionRequest(action_type="pause" if new_value else "resume")
         reply = await vehicles.send_instant_action(name, request)
+        # Not 200, from which hosts would conclude that the robot has stopped.
         if isinstance(reply.body, InstantActionAnswer) and reply.body.status == "FAILED":
             raise NotPossibleError(reply.body.reason)
 
     @app.put(f"{VEHICLES}/{{name}}/integrationLevel", response_class=Response)
     async def integrate(name: str, level: Annotated[IntegrationLevel, Query(alias="newValue")]) -> None:
+        # openTCS refuses to ignore or only notice a vehicle with an order; here it gives up its order.
         await vehicles.set_integration_level(name, level)
 
     @app.put(f"{VEHICLES}/{{name}}/acceptableOrderTypes", response_class=Response)

@@ -95,6 +95,7 @@ class Schedule(BaseModel):
 
     def with_definition(self, definition: ScheduleRequest, now: datetime) -> Schedule:
         """Return the schedule with another definition; it applies to planned times after ``now``."""
+        # 0057: what was due by now, the previous definition has created.
         return self.model_copy(update={"definition": definition, "last": now})
 
     def with_run(self, run: ScheduleRun, skipped: int = 0) -> Schedule:

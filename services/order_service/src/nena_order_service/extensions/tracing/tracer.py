@@ -66,6 +66,7 @@ def order_spans(status: TransportOrderStatus) -> Iterator[Span]:
             "nena.late": status.late,
         },
         events=tuple(map(_event_of, status.history[-EVENTS_LIMIT:])),
+        # 0060: as the parent, it would decide the trace ID, which the robot could not derive.
         link=TraceContext.of(status.traceparent),
         error="" if status.state is TransportOrderState.FINISHED else cut(status.reason),
     )
