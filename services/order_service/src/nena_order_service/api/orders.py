@@ -204,6 +204,7 @@ class OrderOperations:
                 unknown.append(name)
             elif order.state.final:
                 ended[name] = order.state
+        # 0027: dependencies exist before the order, so there are no cycles to search for.
         if unknown:
             raise errors.UnknownDependencyError(unknown)
         return ended

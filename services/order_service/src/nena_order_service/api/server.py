@@ -130,6 +130,7 @@ def _make_waiting_app(readiness: Callable[[], Readiness], other: Callable[[Reque
     @app.get("/readyz")
     async def ready() -> Response:
         body = readiness().model_dump_json(by_alias=True)
+        # 0030: not ready, so that the Service of Kubernetes only has the active order service.
         return Response(body, HTTPStatus.SERVICE_UNAVAILABLE, media_type="application/json")
 
     @app.api_route("/{path:path}", methods=METHODS)

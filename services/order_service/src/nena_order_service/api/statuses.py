@@ -205,6 +205,7 @@ class Heartbeat:
         mqtt.publish(self.will())
 
     def _status_message(self, *, online: bool) -> Outbound:
+        # 0054: with the stops, which need no topic and outlast a restart of the aggregator that way.
         status = ServiceStatus(
             online=online,
             timestamp=self._clock.now(),

@@ -185,8 +185,10 @@ class VehicleOperations:
                 vehicle.name, self._engine.reporter.vehicle_status(vehicle).transport_order or ""
             )
         if action_type == START_PAUSE:
+            # 0054: a robot that a person pauses stays paused at the end of a stop.
             self._engine.person_pauses(vehicle)
         elif action_type == STOP_PAUSE:
+            # 0054: who ends the stop decides for all of its robots.
             if stop := self._engine.stops.stop_of(vehicle):
                 raise VehicleStoppedError(vehicle.name, stop.name, str(stop.as_reason))
             self._engine.stops.person_resumes(vehicle)

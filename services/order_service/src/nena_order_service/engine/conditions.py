@@ -88,6 +88,7 @@ class Sequences:
             return Reason(R.BOUND_TO_SEQUENCE, sequence=bound.name)
         if sequence is None:
             return None
+        # 0027: never another vehicle, which would lack what the bound one has loaded.
         only = sequence.bound_vehicle or sequence.status.intended_vehicle
         if only not in (None, vehicle):
             return Reason(R.NOT_OF_SEQUENCE, sequence=sequence.name, vehicle=only)

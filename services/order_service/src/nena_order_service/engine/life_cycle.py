@@ -214,6 +214,7 @@ class LifeCycle:
             order = self._orders.find(number)
             if order and not order.state.final:
                 log.info("order timed out", order=order.name)
+                # 0025: a timeout is a withdrawal, and not a second way to end an order.
                 self.withdraw_order(order, deadlines.reason(order, now), immediate=True)
 
     def _watch_times(self, order: TransportOrder) -> None:

@@ -509,6 +509,7 @@ class PeripheralJobs:
 
     def committed(self, jobs: Iterable[PeripheralJob]) -> None:
         """Make these versions visible to hosts, because they are in the store."""
+        # One that was deleted in the same unit of work must not come back.
         self._visible.update([(job.name, job) for job in jobs if job.name in self._jobs])
 
     def named(self, name: str) -> PeripheralJob | None:

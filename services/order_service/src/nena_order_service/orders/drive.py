@@ -62,6 +62,7 @@ class Drive(FrozenModel):
         cls, order: TransportOrder, robot: RobotKey, *, retriable: bool = False
     ) -> Self:
         """Return the drive to the current destination of an order, for which a route is requested."""
+        # 0025: each try is another VDA 5050 order, so that no orderId repeats.
         name = order_id(order.name, order.index, order.current.attempts)
         return cls(
             manufacturer=robot.manufacturer,

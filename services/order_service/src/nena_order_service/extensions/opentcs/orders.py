@@ -158,11 +158,13 @@ def _add_orders(app: FastAPI, hosts: HostServices) -> None:
         request = TransportOrderRequest.model_validate({"name": name, **body.model_dump(exclude_none=True)})
         order, new = await hosts.orders.create_order(request)
         if not new:
+            # openTCS: a name that is taken is 409, even by the same request.
             raise errors.NameTakenError(name)
         return TransportOrderState.model_validate(order)
 
     @app.post(f"{ORDERS}/{{name}}/withdrawal", response_class=Response)
     async def withdraw(name: str) -> None:
+        # openTCS's immediate is ignored: it frees resources of a vehicle that still moves.
         with suppress(errors.OrderEndedError):  # like openTCS: nothing is left to withdraw
             await hosts.orders.withdraw_order(name, WITHDRAWAL)
 

@@ -329,6 +329,7 @@ def add_routes(app: FastAPI, plant: PlantModel, locks: PathLocks, change_plant: 
     @app.put("/v1/plantModel", response_class=Response)
     async def replace(body: Annotated[JsonValue, RequestBody()]) -> None:
         try:
+            # 0110: by way of XML, so that the checks of its reader exist only once.
             report = await asyncio.to_thread(lambda: read_plant(plant_xml(body), strict=False))
         except PlantModelError as error:
             raise InvalidPlantError([str(problem) for problem in error.problems]) from error
