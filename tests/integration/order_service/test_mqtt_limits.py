@@ -102,7 +102,7 @@ async def test_commands_beyond_the_limit_are_refused_and_others_continue(
     fleet: Fleet, service: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mqtt_limits, "REQUESTS_LIMIT", 2)
-    gate, hosts = Gate(monkeypatch, "delivery"), Hosts(fleet)
+    gate, hosts = Gate(monkeypatch, "find_delivery"), Hosts(fleet)
     await listening(await service())
 
     for name in ("T-1", "T-2", "T-3"):
