@@ -80,7 +80,8 @@ def test_each_failure_ends_a_simulation(work: Callable[[], Coroutine[None, None,
 @pytest.mark.simulation
 @pytest.mark.provokes_failures
 @pytest.mark.parametrize(
-    ("part", "method"), [(FleetLink, "_check_periodically"), (Engine, "run_checks"), (FleetController, "on_state")]
+    ("part", "method"),
+    [(FleetLink, "_check_periodically"), (Engine, "run_checks"), (FleetController, "on_state")],
 )
 def test_failing_part_of_the_order_service_ends_the_run(
     part: type, method: str, monkeypatch: pytest.MonkeyPatch

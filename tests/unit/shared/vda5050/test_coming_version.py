@@ -1,4 +1,4 @@
-"""A new version is one new package and nothing else."""
+"""A new version needs one new package in the sources and nothing else."""
 
 from __future__ import annotations
 

@@ -76,3 +76,10 @@ def test_every_code_has_a_text() -> None:
     wanted |= {f"reports.kind.{each}" for each in FailureKind}
     wanted |= {f"reports.cause.{each}" for each in TEXTS if each.startswith("wait")}
     assert wanted - KEYS == set()
+
+
+@pytest.mark.parametrize("path", sorted(PANEL.glob("*.js")), ids=lambda path: path.name)
+def test_every_text_and_column_title_exists(path: Path) -> None:
+    source = path.read_text(encoding="utf-8")
+    columns = re.findall(r'"([\w.:]+)"', " ".join(re.findall(r"columns = \[(.*?)\]", source, re.DOTALL)))
+    assert {*columns, *re.findall(r'\bt\("(?!because\.)([\w.:]+)"', source)} - KEYS == set()
