@@ -106,6 +106,7 @@ class DemoSession:
             link = asyncio.create_task(self._host.link.run(), name="host link")
             self._cleanup.push_async_callback(end, link)
         except BaseException:
+            # Python does not call __aexit__ if __aenter__ raises; the children would live on.
             await self._cleanup.aclose()
             raise
         return self

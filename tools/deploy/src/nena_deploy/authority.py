@@ -15,6 +15,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 AUTHORITY_DAYS = 3650
+# RFC 5280, A.1: ub-common-name.
 COMMON_NAME = 64
 """Maximum length of a common name; servers are identified by alternative names, which may be
 longer."""
@@ -87,6 +88,7 @@ class Authority:
 
         The list is backdated: a broker whose clock is behind rejects all clients by a list from the future.
         """
+        # Valid as long as the CA: with an expired list, the broker would reject all clients.
         issued = self._certificate.not_valid_after_utc
         builder = x509.CertificateRevocationListBuilder(self._certificate.subject, now - SKEW, issued)
         for certificate in certificates:
@@ -113,6 +115,7 @@ class Authority:
 
 def write_secret(path: Path, content: bytes) -> None:
     """Write a file that only its owner may read."""
+    # Mode at creation: with a later chmod, others could open a new file before it.
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:
         file.write(content)
 

@@ -180,6 +180,7 @@ def remove_robot(folder: Folder, manufacturer: str, serial_number: str) -> None:
         site, name = Site.open(folder), robot_name(manufacturer, serial_number)
         site.require(Kind.ROBOT, name)
         try:
+            # Before remove(), which deletes the rights that clearing needs.
             asyncio.run(site.clear(RobotKey(manufacturer, serial_number)))
         except BrokerError as error:
             say(f"The broker still has retained messages of {name}: it cannot be reached ({error}).")

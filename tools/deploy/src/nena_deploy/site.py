@@ -281,7 +281,9 @@ class Site:
             BrokerError: the broker cannot be reached, or does not confirm.
 
         """
+        # Of the robot's name: the access list lets nobody else write most of its topics.
         pair = self._authority.for_client(str(robot), utc_now(), 1)
+        # Before its use: remove() then revokes it even if the broker does not confirm.
         self._register.revoked.append(pair.serial_number)
         with TemporaryDirectory() as draft:
             folder = Path(draft)
@@ -375,6 +377,7 @@ def _reason_of(error: Exception) -> str:
 
 
 def _replace_file(path: Path, content: bytes) -> None:
+    # Renaming is atomic: a broker that reloads meanwhile never reads half a list.
     draft = path.with_name(f".{path.name}.new")
     draft.write_bytes(content)
     draft.replace(path)

@@ -131,6 +131,7 @@ def read_orders(file: Path, plant: PlantModel) -> Demand:
         DemandError: the file has another form, or names locations that the plant does not have.
 
     """
+    # -sig: spreadsheets begin CSV files with a byte order mark, which would belong to the first column.
     text = file.read_text(encoding="utf-8-sig")
     try:
         demand = _of_json(json.loads(text)) if file.suffix == ".json" else _of_csv(text, Transport(plant))

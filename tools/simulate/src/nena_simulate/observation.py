@@ -180,6 +180,7 @@ class Words:
     """Merges reasons that differ only in names of robots, points and paths into one cause."""
 
     def __init__(self, vehicles: Iterable[str]) -> None:
+        # Longest first: of several alternatives, re takes the first that matches.
         names = sorted(vehicles, key=len, reverse=True)
         self._names = re.compile(rf"\b({'|'.join(map(re.escape, names))})\b")
         self._known: dict[str, str] = {}

@@ -48,6 +48,7 @@ def simulate_all(cases: Sequence[Case], *, jobs: int, parts: int = 1) -> list[Fi
     split = [part for case in cases for part in case.in_parts(parts)]
     with (
         _sets_in_one_order(),
+        # spawn: Python reads the hash seed only at its start; a fork would keep ours.
         ProcessPoolExecutor(
             jobs, mp_context=get_context("spawn"), initializer=_prepare_process, max_tasks_per_child=1
         ) as pool,

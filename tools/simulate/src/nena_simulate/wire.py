@@ -75,6 +75,7 @@ class Broker:
     def _deliver_messages(self) -> None:
         """Deliver the messages that have arrived; all have the same delay, so the oldest arrives first."""
         loop = asyncio.get_running_loop()
+        # asyncio may run a timer early, by up to the resolution of its clock.
         while self._under_way and self._under_way[0][0] <= loop.time() + 1e-9:
             self._under_way.popleft()[1]()
         if self._under_way:
