@@ -107,6 +107,7 @@ class Host:
         """
         async with asyncio.timeout(seconds):
             while not condition():
+                # No message is missed: handlers run in this loop, and nothing is awaited since the check.
                 self._changed.clear()
                 await self._changed.wait()
 

@@ -156,6 +156,7 @@ def _certificate_builder(  # noqa: PLR0917 - the contents of every certificate
 
 def _key_usage(*, signs: bool) -> x509.KeyUsage:
     return x509.KeyUsage(
+        # TLS 1.3 requires it of every certificate with key usages (RFC 8446, 4.4.2.2).
         digital_signature=not signs,
         key_cert_sign=signs,
         crl_sign=signs,

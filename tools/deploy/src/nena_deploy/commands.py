@@ -178,6 +178,7 @@ def remove_robot(folder: Folder, manufacturer: str, serial_number: str) -> None:
     """Clear what the broker retains of a robot, revoke its certificate and delete its identity."""
     with errors_reported(), locked(folder):
         site, name = Site.open(folder), robot_name(manufacturer, serial_number)
+        # First: of a robot that this site does not know, nothing may be cleared.
         site.require(Kind.ROBOT, name)
         try:
             # Before remove(), which deletes the rights that clearing needs.

@@ -74,6 +74,7 @@ def host_name(name: str) -> str:
         IdentityError: the name is not valid in topics.
 
     """
+    # An access list knows names only: such a host would have the rights of the service.
     if name in {Kind.ORDER_SERVICE, Kind.STATUS_AGGREGATOR}:
         message = f"{name} is the name of a service. Choose another name."
         raise IdentityError(message)

@@ -50,6 +50,7 @@ def locked(path: Path, *, timeout: float = LOCK_TIMEOUT) -> Iterator[None]:
 
     """
     path.parent.mkdir(parents=True, exist_ok=True)
+    # Beside `path`, which may not exist yet, and which a change may replace together with its lock.
     lock = path.with_name(f".{path.name}.lock")
     with lock.open("a") as file:
         _take_lock(file.fileno(), path, time.monotonic() + timeout)
