@@ -26,6 +26,7 @@ from nena_shared.vda5050.state import OperatingMode, State
 
 S = ActionStatus
 
+# 0010: one table for all versions; 2.x lacks some of these changes, and RETRIABLE.
 NEXT: Final[Mapping[ActionStatus, frozenset[ActionStatus]]] = {
     S.WAITING: frozenset({S.INITIALIZING, S.RUNNING, S.FAILED, S.FINISHED}),
     S.INITIALIZING: frozenset({S.RUNNING, S.PAUSED, S.FAILED}),
@@ -37,6 +38,7 @@ NEXT: Final[Mapping[ActionStatus, frozenset[ActionStatus]]] = {
 }
 """Allowed next statuses (figure in 6.6.9)."""
 
+# VDA 5050 3.0, 6.2.2: SINGLE runs alone but lets the robot drive, SOFT is the reverse.
 ALONE: Final = frozenset({BlockingType.HARD, BlockingType.SINGLE})
 STANDING: Final = frozenset({BlockingType.HARD, BlockingType.SOFT})
 
@@ -89,10 +91,12 @@ def _check_early_actions(
     now: State, order: StitchedOrder, statuses: Mapping[str, ActionStatus]
 ) -> Iterator[Problem]:
     """Find actions that started before the robot reached their node or edge."""
+    # Without a last node nothing tells which nodes are still ahead.
     if not now.last_node_id:
         return
     last = now.last_node_sequence_id
     nodes = {state.sequence_id for state in now.node_states if state.sequence_id > last}
+    # The edge behind the last node (its number + 1) is entered at once: its actions may run.
     edges = {state.sequence_id for state in now.edge_states if state.sequence_id > last + 1}
     known = {node.sequence_id: node for node in order.last.nodes} | order.nodes
     ahead: list[tuple[str, Iterable[Action]]]
@@ -185,6 +189,7 @@ class InstantConversation:
     def ends(self, order_id: str) -> bool:
         """Return whether an instant action ends or ended the order."""
         endings = (each for each in self._ending.values() if order_id in each.order_ids)
+        # A cancelOrder that FAILED leaves the order as it is.
         return any(ending.status is not ActionStatus.FAILED for ending in endings)
 
     def on_hibernation(self) -> Iterator[Problem]:
@@ -200,6 +205,7 @@ class InstantConversation:
         if state.node_states or state.edge_states:
             yield Rule.CANCEL_END, Severity.ERROR, f"{name} nodes or edges of the order remain"
         open_ones = (each.action_id for each in state.action_states if not each.action_status.ended)
+        # 2.x lists instant actions in the same array; cancelOrder does not end those.
         if unended := [one for one in open_ones if one not in self._types]:
             text = f"{name} actions of the order have not ended: {', '.join(unended)}"
             yield Rule.CANCEL_END, Severity.ERROR, text
@@ -207,6 +213,7 @@ class InstantConversation:
 
 def _cancelled_orders(action: Action, state: State | None, newest_order: str | None) -> frozenset[str]:
     named = action.parameter("orderId")
+    # VDA 5050 3.0: cancelOrder may name its order; 2.x means the one that the robot has.
     if isinstance(named, str):
         return frozenset({named})
     held = state.order_id if state else None
@@ -214,6 +221,7 @@ def _cancelled_orders(action: Action, state: State | None, newest_order: str | N
 
 
 def _is_allowed(action_type: str, mode: OperatingMode) -> bool:
+    # VDA 5050 3.0, 6.6.6: the order is kept while a person moves the robot, so it can be cancelled.
     if mode is OperatingMode.INTERVENED:
         return action_type in HARMLESS | {CANCEL_ORDER}
     return mode.fleet_controls or action_type in HARMLESS

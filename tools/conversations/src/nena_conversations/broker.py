@@ -31,6 +31,7 @@ ANY_QOS: Final = 2
 """Subscription QoS: each message arrives with the QoS its sender chose."""
 MAX_PAUSE: Final = 60.0
 """Maximum pause between two replayed messages, seconds."""
+# MQTT sets the flag only for messages that were stored when the subscription began.
 RETAINED: Final = (Topic.CONNECTION, Topic.FACTSHEET)
 """Topics that robots publish retained. A live recording does not show the retain flag."""
 

@@ -40,6 +40,7 @@ def message_problems(received: ReceivedMessage) -> Iterator[Problem]:
         for problem in received.problems:
             yield Rule.GRAPH if problem in broken else Rule.MESSAGE, Severity.ERROR, problem
         return
+    # 0010: our codecs read misspellings and unknown fields, so only what they would write shows them.
     written: JsonValue = received.message.model_dump(mode="json", by_alias=True)
     deviations = list(_check_form(from_json(received.payload), written, ""))
     for rule in (Rule.FIELD, Rule.SPELLING):
@@ -74,6 +75,7 @@ def _check_form(given: JsonValue, written: JsonValue, path: str) -> Iterator[Pro
 
 def _check_spelling(given: str, written: JsonValue, path: str) -> Iterator[Problem]:
     if path.rsplit(".", 1)[-1] in TIMES:
+        # Only the zone: versions differ in the digits of a second, and 2.0 contradicts itself about them.
         if not given.endswith("Z"):
             yield (
                 Rule.SPELLING,
@@ -112,6 +114,7 @@ class HeaderChecks:
 
 def _compare_headers(message: Header, last_id: int, last_time: datetime) -> Iterator[Problem]:
     expected = (last_id + 1) % HEADER_IDS
+    # VDA 5050 names no start value: a sender that stored none counts from 0 after a restart.
     if message.header_id not in (expected, 0):
         text = f"headerId {message.header_id} follows {last_id}: messages are missing or out of order"
         yield Rule.HEADER_ID, Severity.WARNING, text
@@ -198,6 +201,7 @@ class FactsheetChecks:
 
     def check(self, actions: Iterable[Action], scope: ActionScope) -> Iterator[Problem]:
         """Check actions requested in one scope."""
+        # A recording that begins after the factsheet says nothing about what the robot offers.
         for action in actions if self._scopes is not None else ():
             scopes = (self._scopes or {}).get(action.action_type)
             if scopes is None:
@@ -294,6 +298,7 @@ class RobotConversation:
     def _on_state(self, received: ReceivedMessage, state: State) -> Iterator[Problem]:
         yield from self._connection.on_state(received)
         yield from self._instants.on_state(state)
+        # VDA 5050 3.0, 6.6.7: the mode clears the order; 2.x names only MANUAL, and is judged alike.
         if state.operating_mode.clears_order:
             self._cleared = state.order_id
         ends_early = state.order_id == self._cleared or self._instants.ends(state.order_id)
@@ -307,6 +312,7 @@ class RobotConversation:
 
     def _check_responses(self, message: Responses) -> Iterator[Problem]:
         for response in message.responses:
+            # Before the first state, requests may be older than the conversation.
             if self._state and response.request_id not in self._requests:
                 text = f"the robot did not send the request '{response.request_id}'"
                 yield Rule.RESPONSE, Severity.WARNING, text

@@ -122,5 +122,6 @@ def _codec_of(payload: bytes, major: str) -> Codec:
     """Choose the codec by header, else by topic, else the newest one, which then reports the problems."""
     found = codec_of_header(payload)
     if found is None and major[:1] == "v" and major[1:].isdecimal():
+        # The newest minor of the topic's major, which is all that a topic names.
         found = nearest_codec(f"{major[1:]}.999.0")
     return found or list(CODECS.values())[-1]

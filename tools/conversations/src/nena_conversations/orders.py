@@ -58,6 +58,7 @@ def stitch(before: StitchedOrder | None, order: Order) -> StitchedOrder:
     nodes = {node.sequence_id: node for node in order.nodes if node.released}
     actions = {action.action_id: action for action in actions_of(order)}
     complete = order.nodes[0].sequence_id == 0
+    # VDA 5050 3.0, 6.1.2: an update replaces the horizon, and with it the actions of the old one.
     if before and before.last.order_id == order.order_id:
         horizon = {action.action_id for action in _horizon_actions(before.last)}
         kept = {name: action for name, action in before.actions.items() if name not in horizon}
@@ -99,6 +100,7 @@ def situation_problems(order: Order, state: State | None, held: StitchedOrder | 
     if not state.operating_mode.takes_orders:
         text = f"order '{order.order_id}' is sent to a robot in the mode {state.operating_mode}"
         yield Rule.MODE, Severity.ERROR, text
+    # Only the order's own actions: 2.x lists instant actions beside them, which do not keep a robot busy.
     open_actions = {each.action_id for each in state.action_states if not each.action_status.ended}
     acts = held is not None and not open_actions.isdisjoint(held.actions)
     if state.order_id != order.order_id and (state.node_states or state.edge_states or acts):
@@ -110,6 +112,7 @@ def update_problems(order: Order, before: StitchedOrder, *, cancelled: bool) -> 
     """Check an order with the same orderId as the previous one (6.1.2, 6.1.4)."""
     name = f"update {order.order_update_id} of order '{order.order_id}'"
     last = before.last.order_update_id
+    # VDA 5050 3.0, 6.1.4.5: a repetition with the same content is legal, and robots drop it.
     if order.order_update_id == last:
         if _content_of(order) != _content_of(before.last):
             yield Rule.SAME_UPDATE_ID, Severity.ERROR, f"{name} is repeated with different content"
@@ -130,11 +133,13 @@ def _stitching_problems(order: Order, before: StitchedOrder, name: str) -> Itera
             f"'{point.node_id}' ({point.sequence_id})"
         )
         yield Rule.STITCHING, Severity.ERROR, text
+    # 2.x: robots ignore the content of the repeated node, so only 3.0 has this rule.
     elif first != point:
         yield Rule.STITCHING_NODE, Severity.ERROR, f"{name} changes the decision point '{first.node_id}'"
 
 
 def _content_of(order: Order) -> str:
+    # A repeated message has a new headerId and timestamp.
     return order.model_dump_json(exclude=set(HEADER), exclude_none=True)
 
 
@@ -194,6 +199,7 @@ def _not_rising(numbers: Sequence[int], what: str) -> Iterator[Problem]:
 
 
 def _first_node_problems(now: State) -> Iterator[Problem]:
+    # VDA 5050 3.0, 6.6.1: the first node counts as reached on acceptance; 2.x leaves it open.
     if now.node_states[0].sequence_id == 0:
         text = f"the first node '{now.node_states[0].node_id}' of the order is in nodeStates"
         yield Rule.FIRST_NODE, Severity.ERROR, text
@@ -202,6 +208,7 @@ def _first_node_problems(now: State) -> Iterator[Problem]:
 def _check_skipped_nodes(now: State, order: StitchedOrder) -> Iterator[Problem]:
     """Find nodes that disappeared although the robot reached none of them."""
     ahead, last = min(state.sequence_id for state in now.node_states), now.last_node_sequence_id
+    # Nodes have even sequenceIds: the next one is two further.
     if now.last_node_id and ahead > last + 2:
         numbers = f"{last + 2}" if ahead == last + 4 else f"{last + 2} to {ahead - 2}"
         yield _progress_error(
@@ -215,6 +222,7 @@ def _check_steps(before: State, now: State, order: StitchedOrder) -> Iterator[Pr
     known = order.released().get(number)
     if known and now.last_node_id and known[0] != now.last_node_id:
         yield _progress_error(f"lastNodeId '{now.last_node_id}' is not node {number} of the order")
+    # An update may list nodes that the state before did not have.
     if before.order_update_id == now.order_update_id:
         old = {state.sequence_id for state in before.node_states}
         for state in now.node_states:
@@ -262,6 +270,7 @@ class OrderConversation:
         yield from situation_problems(order, state, self._taken)
         if before:
             yield from update_problems(order, before, cancelled=cancelled)
+        # An order that the robot already has began before the conversation: this is an update.
         elif state is None or state.order_id != order.order_id:
             yield from new_order_problems(order)
         self._waiting.add((order.order_id, order.order_update_id), received)
@@ -278,8 +287,10 @@ class OrderConversation:
         self._waiting.on_state(lambda key: _echoes_order(state, key) or _rejects_order(state, key, rejected))
         yield from self._echo_problems(state, before)
         self._taken = self._known.get((state.order_id, state.order_update_id))
+        # A rejected order changes nothing: the next update must fit the one that the robot holds.
         if self._sent and _rejects_order(state, self._sent.key, rejected):
             self._sent = self._taken
+        # An order whose beginning is missing lacks nodes that its states may still list.
         if self._taken and self._taken.complete:
             yield from progress_problems(before, state, self._taken, ends_early=ends_early)
 
@@ -308,12 +319,14 @@ class OrderConversation:
         if state.order_id == before.order_id and state.order_update_id < before.order_update_id:
             text = f"orderUpdateId decreases from {before.order_update_id} to {state.order_update_id}"
             yield Rule.ECHO, Severity.ERROR, text
+        # A warning: the recording may lack the message that sent it.
         elif self._known and key not in self._known:
             text = f"the state has update {key[1]} of order '{key[0]}', which was not sent here"
             yield Rule.ECHO, Severity.WARNING, text
 
 
 def _echoes_order(state: State, key: OrderKey) -> bool:
+    # A newer update also confirms older ones: the robot may take two between two states.
     return key[0] == state.order_id and key[1] <= state.order_update_id
 
 
@@ -321,6 +334,7 @@ def _rejects_order(state: State, key: OrderKey, rejected: set[tuple[str, int | N
     """Return whether an error rejects the order; errors may name an accepted order for other reasons."""
     if _echoes_order(state, key):
         return False
+    # 2.x does not demand orderUpdateId in the references: then the orderId must be another one.
     return key in rejected or (key[0] != state.order_id and (key[0], None) in rejected)
 
 

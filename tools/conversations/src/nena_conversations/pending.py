@@ -48,6 +48,7 @@ class _Pending:
         waited = now - self.received.time
         if ended and self.states >= STATES_WITHOUT_ANSWER and waited > SETTLED_AFTER:
             return True
+        # Without a state the robot had no chance to answer: its silence is another finding.
         return self.states > 0 and waited > ANSWERED_WITHIN
 
 

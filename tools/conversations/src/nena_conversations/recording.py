@@ -82,6 +82,7 @@ def read(lines: Iterable[str], name: str) -> Iterator[Entry]:
         try:
             before = Entry.from_json(line)
         except ValueError as error:
+            # 0010: a recording ends in the middle of a line if its writer was killed.
             if before and not line.endswith("\n"):
                 return
             raise RecordingError(_problem_at(error, f"{name}, line {number}")) from error
