@@ -254,7 +254,7 @@ def _assess_assignment(inputs: ConditionInputs) -> Assessment | None:
     """Return the condition of a stationary robot that is assigned to an order."""
     if waits := _wait_reason(inputs):
         return Condition.WAITING, waits
-    # A robot with a recharge order at its charger works on nothing that a person waits for: CHARGING.
+    # While it charges, an assigned order, such as one to recharge, does not make it BUSY.
     charging = inputs.state is not None and inputs.state.power_supply.charging
     if inputs.transport_order is None or charging:
         return None

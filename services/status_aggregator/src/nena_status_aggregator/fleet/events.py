@@ -161,7 +161,7 @@ def _order_changes(before: State, now: State) -> Iterator[Change]:
 def _outcome_of(before: State, now: State) -> Outcome:
     if now.order_id != before.order_id:
         return Outcome.UNSEEN
-    # A cancelled order's remaining nodes are emptied, too (VDA 5050 3.0, 6.1.3); only the last node tells.
+    # Cancelling empties the remaining nodes, too (VDA 5050 3.0, 6.1.3): last node and failed actions tell.
     last = before.node_states[-1].sequence_id if before.node_states else 0
     failed = any(state.action_status is ActionStatus.FAILED for state in now.action_states)
     completed = now.last_node_sequence_id >= last and not failed

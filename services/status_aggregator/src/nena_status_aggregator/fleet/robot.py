@@ -155,7 +155,7 @@ class PlantFrame:
             # A robot in the wrong place on the map misleads more than one that is not shown yet.
             return None
         pose = transform.pose_to_plant(MapPose(at.x, at.y, at.theta))
-        # Without validation: turned and moved, valid values stay valid, and every position passes here.
+        # Without validation: turned and moved, valid values stay valid.
         return MobileRobotPosition.model_construct(
             x=pose.x_m,
             y=pose.y_m,

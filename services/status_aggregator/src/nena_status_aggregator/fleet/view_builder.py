@@ -184,7 +184,7 @@ def _view_plan(robot: Robot, state: State) -> list[tuple[float, float]] | None:
     path, position = state.intermediate_path, robot.reported
     if path is None:
         return None
-    # The intermediate path has no map ID (VDA 5050 3.0, 6.6.2): it is on the map of the reported position.
+    # The intermediate path has no map ID (VDA 5050 3.0, 7.8): it is on the map of the reported position.
     map_id = position.map_id if position else None
     points = path.polyline[:LIST_LIMIT]
     places = (robot.frame.to_plant_point(point.x, point.y, map_id, robot.factsheet) for point in points)
