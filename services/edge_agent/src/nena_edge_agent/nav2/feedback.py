@@ -41,7 +41,7 @@ class PassedPoses:
         wanted = (goal.pose, *goal.ahead)
         if len(self._places) <= 1 or len(wanted) > len(self._places):
             return False
-        # Navigation drives through what it was sent: a route that ends elsewhere must be sent anew.
+        # Navigation drives through what it was sent: a route that ends elsewhere must be sent again.
         rest = self._places[-len(wanted) :]
         same = (near(pose, place, xy=SAME, theta=None) for pose, place in zip(wanted, rest, strict=True))
         return all(same)

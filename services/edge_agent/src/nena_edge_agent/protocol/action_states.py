@@ -105,7 +105,7 @@ class ActionStates:
     def states(self) -> tuple[ActionState, ...]:
         """Return the action states for the state message (section 6.6.9)."""
         if self._states is None:
-            # Only changed states are made anew: an order may have a thousand actions.
+            # Only changed states are copied: an order may have a thousand actions.
             for action_id, record in self._records.items():
                 if action_id not in self._shown:
                     descriptor = record.action.action_descriptor

@@ -173,7 +173,7 @@ class _Search:
             self._costs[order] = dict[Place, int](costs.items()) | {order: self._left_out}
             self._of_orders[order] = 0
             self._augment_matching(order)
-        # A later level must not overtake: whoever has a vehicle can no longer be left out for it.
+        # A later level must not overtake: an order that has a vehicle keeps it.
         for order in level:
             if order in self._order_of:
                 del self._order_of[order], self._place_of[order], self._costs[order]

@@ -197,7 +197,7 @@ class Webhook:
         time, body = self._clock.now(), body_of(order)
         message = id_of(body)
         try:
-            # Signed anew for each attempt: Standard Webhooks has receivers refuse old timestamps.
+            # Each attempt gets a new signature: receivers of Standard Webhooks refuse old timestamps.
             async with asyncio.timeout(ANSWER_SECONDS):
                 status = await receiver.send(sign_message(self._secret, message, time, body), body)
             result, delivered = str(status), status in SUCCESSES
