@@ -22,7 +22,8 @@ def url(request: pytest.FixtureRequest) -> str:
     if request.param == "sqlite":
         return str(request.getfixturevalue("sqlite_url"))
     server: Postgres = request.getfixturevalue("postgres")
-    return server.url
+    # A machine that stalls for seconds between two statements is no fault of the store.
+    return f"{server.url}&options=-c%20idle_in_transaction_session_timeout%3D60000"
 
 
 @pytest.fixture
