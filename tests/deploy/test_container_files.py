@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from ipaddress import ip_address
-from pathlib import Path
+from pathlib import Path, PurePath
 from threading import Thread
 from typing import Any
 
@@ -49,6 +49,15 @@ def test_image_runs_unprivileged_from_locked_packages(path: Path) -> None:
     packages = [each for each in installs if "requirements/" in each]
     assert len(packages) == 2
     assert all("--require-hashes" in each for each in packages)
+
+
+@pytest.mark.parametrize("path", DOCKERFILES, ids=ids(DOCKERFILES))
+def test_image_is_built_only_from_what_docker_is_given(path: Path) -> None:
+    given = re.findall(r"^!(\S+)$", (ROOT / ".dockerignore").read_text(), re.MULTILINE)
+    copied = re.findall(r"^COPY (?!--from)(.+) \S+$", path.read_text(), re.MULTILINE)
+    for source in " ".join(copied).split():
+        assert (ROOT / source).exists()
+        assert any(PurePath(source).match(each) or source.startswith(f"{each}/") for each in given), source
 
 
 class Ready(BaseHTTPRequestHandler):
