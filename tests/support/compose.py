@@ -24,7 +24,12 @@ from support.guides import commands
 from support.waiting import until
 
 ROOT = Path(__file__).parents[2]
-BASES = ("python:3.13-slim", "eclipse-mosquitto:2", "postgres:17", "prom/prometheus")
+BASES = (
+    "python:3.13-slim",
+    "eclipse-mosquitto:2",
+    "postgres:17",
+    os.environ.get("PROMETHEUS_IMAGE", "prom/prometheus:v3.5.0"),
+)
 SERVED_BY_NENA = ("REST_PORT", "PANEL_PORT")
 PORTS = ("MQTT_PORT", "MQTTS_PORT", "REST_PORT", "PANEL_PORT", "PROMETHEUS_PORT")
 IN_POSTGRESQL = {
