@@ -210,7 +210,7 @@ class FleetSubscriber:
                 self._count_malformed(
                     kind, inbound.topic, _summarise_problems(error.quoted_problems), at, key
                 )
-                self._read_sighting(kind, key, inbound.payload, scheme)
+                self._read_sighting(kind, key, inbound, scheme)
                 return
             if not self._is_next(key, kind, message.header_id, inbound.payload, at):
                 return
@@ -265,9 +265,11 @@ class FleetSubscriber:
         except ValidationError as error:
             self._count_malformed(kind, inbound.topic, _summarise_problems(problems_of(error)), at, None)
 
-    def _read_sighting(self, kind: MessageKind, key: RobotKey, payload: bytes, scheme: TopicScheme) -> None:
+    def _read_sighting(self, kind: MessageKind, key: RobotKey, inbound: Inbound, scheme: TopicScheme) -> None:
         # An unreadable state may still have a position: a moving robot should not stand still on the map.
-        sighting = self._reader.sighting(payload, scheme.major_version) if kind is MessageKind.STATE else None
+        if kind is not MessageKind.STATE:
+            return
+        sighting = self._reader.sighting(inbound.topic, inbound.payload, scheme.major_version)
         if sighting:
             self._model.on_sighting(key, sighting)
 

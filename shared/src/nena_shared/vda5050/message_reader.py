@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any, TypeVar
 
 from nena_shared.vda5050.base import Header
@@ -15,18 +15,29 @@ from nena_shared.vda5050.records import RECORDED, encoded, parse, parse_members,
 from nena_shared.vda5050.repair import (
     BYTE_ORDER_MARK,
     EVERYWHERE,
+    POSITIONS,
     Repair,
     RepairKind,
     Repairs,
     Scope,
+    convert_degrees,
     repair,
     repairs_of,
     version_number,
     without_mark,
     written,
 )
+from nena_shared.vda5050.shape import fields_of
 from nena_shared.vda5050.state import State
-from nena_shared.vda5050.versions import load_codecs, nearest_codec, reader_for, reader_of, version_of
+from nena_shared.vda5050.versions import (
+    CODECS,
+    codec_for,
+    load_codecs,
+    nearest_codec,
+    reader_for,
+    reader_of,
+    version_of,
+)
 
 TOPICS_REMEMBERED = 20_000
 DEVIATIONS_REMEMBERED = 100
@@ -74,6 +85,8 @@ class MessageReader:
         self._strict = strict
         self._readers: dict[str, _KnownReader] = {}
         """Keyed by topic."""
+        self._in_degrees: set[str] = set()
+        """Robots whose headings are in degrees, by their topics without the last level."""
         self.undated = False
         """Whether the last message had no readable timestamp; its time of arrival was used instead."""
 
@@ -86,8 +99,9 @@ class MessageReader:
         self.undated = False
         reader = self._readers.get(topic)
         # a robot that deviates does so in every state: trying the strict reader first would read each twice
-        if reader is not None and reader.deviations and kind in RECORDED:
-            message = self._repaired(kind, topic, payload, major_version, reader.deviations)
+        deviations = reader.deviations if reader is not None else EVERYWHERE
+        if kind in RECORDED and (deviations or self._is_in_degrees(topic)):
+            message = self._repaired(kind, topic, payload, major_version, deviations)
             if message is not None:
                 return message
         if reader is not None:
@@ -131,16 +145,20 @@ class MessageReader:
             return None
         try:
             text = without_mark(payload, repairs)
-            content = parse_members(text, _members_read_for(only)) if only else parse(text)
+            read = _members_read_for(only) | (POSITIONS if self._is_in_degrees(topic) else EVERYWHERE)
+            content = parse_members(text, read) if only else parse(text)
             if not isinstance(content, dict):
                 return None
             stated = version_number(content.get("version"))
             codec = reader_for(stated, major_version)
+            _check_form(kind, content, major_version)
             # Robots copy 1.3.2, the example in the schemas of 2.x, or send the version of their software:
-            # for a major version that does not exist here, the topic decides (VDA 5050 3.0, 4.2).
-            if stated and nearest_codec(stated) is None:
+            # for another major version, the topic decides (VDA 5050 3.0, 4.2).
+            if stated and f"v{stated.partition('.')[0]}" != major_version:
                 content["version"] = codec.version
                 repairs["version", RepairKind.UNKNOWN_VERSION] = f"{stated}, read as {codec.version}"
+            if kind in RECORDED:
+                self._convert_degrees(topic, content, repairs)
             message = _repaired_in(kind, codec, content, repairs, only)
         except MalformedMessageError:
             if only:
@@ -154,18 +172,45 @@ class MessageReader:
             self._report(topic, repairs_of(repairs))
         return message
 
-    def sighting(self, payload: bytes, major_version: str) -> State | None:
+    def sighting(self, topic: str, payload: bytes, major_version: str) -> State | None:
         """Return what an unreadable state says about the robot itself, such as its position.
 
         Its order is unknown: required fields that cannot be read are empty. None if the payload is not a JSON
-        object. The form is that of the header's version or, if that has no position, of the topic's.
+        object. The form is that of the header's version or, if that has no position, of the topic's or
+        another major version.
         """
         stated, state = version_of(payload), None
-        for codec in (nearest_codec(stated) if stated else None, reader_for(None, major_version)):
-            state = state if codec is None else _sighting_in(codec, payload)
+        majors = dict.fromkeys([major_version, *(CODECS[version].major_version for version in CODECS)])
+        newest = (reader_for(None, major) for major in majors)
+        for codec in (nearest_codec(stated) if stated else None, *newest):
+            state = state if codec is None else self._sighting_in(codec, topic, payload)
             if state and state.mobile_robot_position:
                 break
         return state
+
+    def _sighting_in(self, codec: Codec, topic: str, payload: bytes) -> State | None:
+        if len(payload) > MAXIMUM_PAYLOAD:
+            return None
+        try:
+            content = parse(payload.removeprefix(BYTE_ORDER_MARK))
+            if not isinstance(content, dict):
+                return None
+            content["version"], at = codec.version, datetime.now(UTC)
+            self._convert_degrees(topic, content, {})
+            repair(codec.forms[State], content, {}, version=codec.version, now=at, scope=Scope.SIGHTING)
+            return _read_repaired(State, codec, content)
+        except (MalformedMessageError, ArithmeticError, ValueError, RecursionError):
+            return None
+
+    def _is_in_degrees(self, topic: str) -> bool:
+        return bool(self._in_degrees) and topic.rpartition("/")[0] in self._in_degrees
+
+    def _convert_degrees(self, topic: str, content: dict[str, Any], repairs: Repairs) -> None:
+        known = self._is_in_degrees(topic)
+        if convert_degrees(content, repairs, known=known) and not known:
+            if len(self._in_degrees) >= TOPICS_REMEMBERED:
+                self._in_degrees.clear()  # learnt again with a heading beyond a full turn
+            self._in_degrees.add(topic.rpartition("/")[0])
 
     def _learn_deviations(self, topic: str, version: str, codec: Codec, repairs: Repairs) -> None:
         paths = frozenset([path for path, _ in repairs])
@@ -195,10 +240,40 @@ def _read_strictly(kind: type[M], codec: Codec, payload: bytes) -> M:
     return read_record(kind, codec, payload) if kind in RECORDED else codec.decode(kind, payload)
 
 
+def _check_form(kind: type[Header], content: dict[str, Any], major_version: str) -> None:
+    """Raise MalformedMessageError for a message in the form of another major version than its topic's."""
+    own, others = _telling_members(kind, major_version)
+    if content.keys().isdisjoint(others) or not content.keys().isdisjoint(own):
+        return
+    name = next(name for name in others if name in content)
+    problem = (
+        f"message: has {name}, a field of VDA 5050 {others[name]}.x, but is on a topic of {major_version}: "
+        f"let the robot use topics of v{others[name]}, or messages of {major_version[1:]}.x"
+    )
+    raise MalformedMessageError(kind.__name__, [problem])
+
+
+@cache
+def _telling_members(kind: type[Header], major_version: str) -> tuple[frozenset[str], dict[str, str]]:
+    """Return the members that only this major version has, and others' with their major version."""
+    own: set[str] = set()
+    others: dict[str, str] = {}
+    for codec in map(codec_for, CODECS):
+        form = codec.forms.get(kind)
+        names = [name for field in fields_of(form) for name in field.wire] if form else []
+        if codec.major_version == major_version:
+            own.update(names)
+        else:
+            others |= dict.fromkeys(names, codec.major_version[1:])
+    return frozenset(own - others.keys()), {name: others[name] for name in others if name not in own}
+
+
 @lru_cache(maxsize=10_000)
 def _members_read_for(paths: frozenset[str]) -> frozenset[str]:
     """Return the members of a message that a repair of the fields at ``paths`` reads."""
-    return frozenset(path.partition(".")[0] for path in paths) | {"version", "orderId"}
+    members = {path.partition(".")[0] for path in paths}
+    lists = {"nodeStates", "edgeStates"} if "orderId" in members else set()
+    return frozenset(members | lists | {"version", "orderId"})
 
 
 def _repaired_in(
@@ -211,20 +286,6 @@ def _repaired_in(
     at = datetime.now(UTC)
     repair(form, content, repairs, version=codec.version, now=at, scope=Scope.REPORT, only=only)
     return _read_repaired(kind, codec, content) if repairs else None
-
-
-def _sighting_in(codec: Codec, payload: bytes) -> State | None:
-    if len(payload) > MAXIMUM_PAYLOAD:
-        return None
-    try:
-        content = parse(payload.removeprefix(BYTE_ORDER_MARK))
-        if not isinstance(content, dict):
-            return None
-        content["version"], at = codec.version, datetime.now(UTC)
-        repair(codec.forms[State], content, {}, version=codec.version, now=at, scope=Scope.SIGHTING)
-        return _read_repaired(State, codec, content)
-    except (MalformedMessageError, ArithmeticError, ValueError, RecursionError):
-        return None
 
 
 def _read_repaired(kind: type[M], codec: Codec, content: dict[str, Any]) -> M | None:

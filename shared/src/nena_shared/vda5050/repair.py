@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import Enum, StrEnum, auto
 from functools import cache, lru_cache
-from math import isfinite, pi, remainder
+from math import isfinite, pi, radians, remainder
 from typing import Any, Final, NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
@@ -30,6 +30,18 @@ from nena_shared.clock import iso
 from nena_shared.vda5050.action import ActionState
 from nena_shared.vda5050.base import ANGLE_LIMIT, Header, Timestamp, WireObject
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
+from nena_shared.vda5050.factsheet import (
+    ActionParameterDescription,
+    Factsheet,
+    MobileRobotAction,
+    OptionalParameter,
+    PhysicalParameters,
+    ProtocolFeatures,
+    ProtocolLimits,
+    Support,
+    Timing,
+    TypeSpecification,
+)
 from nena_shared.vda5050.malformed import quoted
 from nena_shared.vda5050.order import Trajectory
 from nena_shared.vda5050.shape import Field, Shape, fields_of
@@ -37,6 +49,7 @@ from nena_shared.vda5050.state import (
     EdgeState,
     EmergencyStop,
     Load,
+    MobileRobotPosition,
     NodeState,
     OperatingMode,
     PowerSupply,
@@ -54,6 +67,8 @@ class RepairKind(StrEnum):
     """How a value was repaired; also a metric label."""
 
     ANGLE_WRAPPED = "angle_wrapped"
+    DEGREES = "degrees"
+    """A heading of a robot whose headings are in degrees, as one beyond a full turn in radians has shown."""
     CLAMPED = "clamped"
     SCALED = "scaled"
     """A fraction of 1 was given in percent."""
@@ -65,12 +80,14 @@ class RepairKind(StrEnum):
     TEXT_AS_NUMBER = "text_as_number"
     NUMBER_AS_TEXT = "number_as_text"
     TEXT_AS_BOOLEAN = "text_as_boolean"
+    TEXT_AS_LIST = "text_as_list"
+    """A text instead of a list with this text."""
     WHOLE_NUMBER = "whole_number"
     """An integer written with decimals, such as 0.0."""
     LETTER_CASE = "letter_case"
     """An enumeration value in other case, or with other separators."""
     UNIX_TIME = "unix_time"
-    """A timestamp in seconds or milliseconds since 1970."""
+    """A timestamp in seconds, milliseconds, microseconds or nanoseconds since 1970."""
     TIME_OF_ARRIVAL = "time_of_arrival"
     """Used instead of an unreadable timestamp."""
     VERSION_NUMBER = "version_number"
@@ -116,7 +133,18 @@ EVERYWHERE: Final[frozenset[str]] = frozenset()
 
 
 class _UnrepairableError(Exception):
-    """A value cannot be repaired."""
+    """A value cannot be repaired.
+
+    ``path`` is that of the field, and ``received`` its value, if they are known.
+    """
+
+    def __init__(self, path: str = "", received: str = "") -> None:
+        self.path, self.received = path, received
+
+    def within(self, path: str, value: object) -> str:
+        """Return what makes the ``value`` at ``path`` unreadable: one of its fields, or itself."""
+        inner = self.path.removeprefix(f"{path}.")
+        return quoted(value) if inner == self.path else f"{inner} {self.received}"
 
 
 Repairs = dict[tuple[str, RepairKind], str]
@@ -142,6 +170,24 @@ SAFEST: Final[Mapping[tuple[type[WireObject], str], object]] = {
     (ActionState, "action_status"): "RUNNING",
     (PowerSupply, "state_of_charge"): 0.0,
     (PowerSupply, "charging"): False,
+    (MobileRobotPosition, "localized"): False,
+    (MobileRobotPosition, "map_id"): "",
+    # 0 and empty texts say nothing: speeds, limits and sizes of a factsheet count as unknown
+    **{(Factsheet, name): {} for name in Factsheet.model_fields if name not in Header.model_fields},
+    **{(ProtocolLimits, name): {} for name in ProtocolLimits.model_fields},
+    **{(PhysicalParameters, name): 0.0 for name in PhysicalParameters.model_fields},
+    **{(Timing, name): 0.0 for name in Timing.model_fields},
+    (TypeSpecification, "series_name"): "",
+    (TypeSpecification, "mobile_robot_kinematics"): "",
+    (TypeSpecification, "mobile_robot_class"): "",
+    (TypeSpecification, "maximum_load_mass"): 0.0,
+    (TypeSpecification, "localization_types"): (),
+    (TypeSpecification, "navigation_types"): (),
+    (ProtocolFeatures, "optional_parameters"): (),
+    (ProtocolFeatures, "mobile_robot_actions"): (),
+    (OptionalParameter, "support"): Support.SUPPORTED.value,
+    (MobileRobotAction, "pause_allowed"): False,
+    (MobileRobotAction, "cancel_allowed"): False,
 }
 """Safest values of required fields, for robots' messages in which they are missing or cannot be repaired.
 
@@ -150,13 +196,14 @@ Empty objects are filled with the safest values of their fields."""
 _NEVER_EMPTIED: Final = {(State, "node_states")}
 """Lists that are not read as empty if missing: an order without reported nodes must not look finished."""
 
-_NEVER_DROPPED: Final = (NodeState, EdgeState, ActionState, ErrorEntry, Load)
+_NEVER_DROPPED: Final = (NodeState, EdgeState, ActionState, ErrorEntry, Load, ActionParameterDescription)
 """List elements that are never omitted, as that would change the meaning of the list."""
 
 _PERCENT: Final = 100.0
 _TOLERANCE: Final = 50.0
 """Percentages farther beyond their limits are invalid, e.g. 255 for "unknown"."""
-_FULL_TURN: Final = 2 * pi + 1e-3
+FULL_TURN: Final = 2 * pi + 1e-3
+"""The greatest heading that may be in radians."""
 _TIME: Final[TypeAdapter[datetime]] = TypeAdapter(Timestamp)
 
 
@@ -203,6 +250,8 @@ def repair(
             content["timestamp"] = iso(unix_time or now)
             kind = RepairKind.TIME_OF_ARRIVAL if unix_time is None else RepairKind.UNIX_TIME
             repairs["timestamp", kind] = quoted(time)
+    if scope is Scope.REPORT and issubclass(form, State):
+        _repair_idle(content, repairs)
     for field in _fields_of(form, "", scope, only):
         try:
             field.apply(content, repairs)
@@ -211,6 +260,38 @@ def repair(
                 field.empty_in(content)
     if scope is Scope.REPORT and content.get("orderId") and ("orderUpdateId", RepairKind.REPLACED) in repairs:
         del content["orderUpdateId"]  # a wrong number would look as if the robot had lost its order
+
+
+def _repair_idle(content: dict[str, Any], repairs: Repairs) -> None:
+    """Complete a state that says that the robot has no order: by its lists, or by its empty orderId."""
+    lists = [content.get(name, 0) for name in ("nodeStates", "edgeStates")]
+    if content.get("orderId") is None and all(each in ([], None) for each in lists):
+        repairs["orderId", RepairKind.REPLACED] = "null" if "orderId" in content else "missing"
+        content["orderId"] = ""
+    elif content.get("orderId") == "" and "nodeStates" not in content and not content.get("edgeStates"):
+        repairs["nodeStates", RepairKind.EMPTY_LIST] = "missing"
+        content["nodeStates"] = []
+
+
+POSITIONS: Final = frozenset({"agvPosition", "mobileRobotPosition"})
+"""The robot's position in 2.x, and in 3.0."""
+
+
+def convert_degrees(content: dict[str, Any], repairs: Repairs, *, known: bool) -> bool:
+    """Convert the robot's heading to radians if its headings are in degrees; return whether they are.
+
+    ``known``: an earlier heading was beyond a full turn in radians.
+    """
+    for name in POSITIONS & content.keys():
+        position = content[name]
+        theta = position.get("theta") if isinstance(position, dict) else None
+        heading = _parse_number(theta) if isinstance(theta, str) else theta
+        is_number = type(heading) in (int, float) and _is_finite(heading)
+        if is_number and (known or abs(heading) > FULL_TURN):
+            position["theta"] = remainder(radians(heading), 2 * pi)
+            repairs[f"{name}.theta", RepairKind.DEGREES] = quoted(theta)
+            known = True
+    return known
 
 
 def written(content: dict[str, Any]) -> bytes | None:
@@ -238,11 +319,11 @@ def _complete_version(text: str) -> str | None:
 
 
 def _unix_time(value: object) -> datetime | None:
-    """Return the time that a Unix time of 10 digits (seconds) or 13 digits (milliseconds) means."""
+    """Return the time that a Unix time means: s of 10 digits, ms of 13, μs of 16 or ns of 19."""
     number = _parse_number(value) if isinstance(value, str) else value
     if isinstance(number, bool) or not isinstance(number, int | float):
         return None
-    for unit in (1, 1000):
+    for unit in (1, 10**3, 10**6, 10**9):
         if 10**9 * unit <= number < 10**10 * unit:  # not divided: JSON integers may exceed floats
             return datetime.fromtimestamp(number / unit, UTC)
     return None
@@ -339,15 +420,15 @@ class _FieldRepair:
             return
         try:
             fixed = self.fix(value, repairs)
-        except _UnrepairableError:
+        except _UnrepairableError as error:
             if self.safest is not None:
                 content[name] = self._safest_value()
                 repairs[self.path, RepairKind.REPLACED] = quoted(value)
             elif self.optional:
                 del content[name]
-                repairs[self.path, RepairKind.LEFT_OUT] = quoted(value)
+                repairs[self.path, RepairKind.LEFT_OUT] = error.within(self.path, value)
             else:
-                raise
+                raise _UnrepairableError(error.path or self.path, error.received or quoted(value)) from None
         else:
             if fixed is not value:
                 content[name] = fixed
@@ -365,7 +446,7 @@ class _FieldRepair:
             del content[name]
             repairs[self.path, RepairKind.LEFT_OUT] = "null"
         else:
-            raise _UnrepairableError
+            raise _UnrepairableError(self.path, received)
 
     def _safest_value(self) -> object:
         return self.fix({}, {}) if self.safest == {} else self.safest
@@ -388,7 +469,7 @@ def _fix_of(shape: Shape, at: str, scope: Scope, only: frozenset[str]) -> _Fix:
         return _word_of(shape, at)
     if kind in (int, float):
         return _number_of(shape, at, scope)
-    simple: dict[type, _Fix] = {str: _text_of(shape, at), bool: _boolean_of(at), datetime: _read_time}
+    simple: dict[type, _Fix] = {str: _text_of(shape, at), bool: _boolean_of(at), datetime: _time_of(at)}
     return simple.get(kind, _keep_value)
 
 
@@ -396,10 +477,17 @@ def _keep_value(value: Any, _found: Repairs) -> Any:  # noqa: ANN401 - JSON
     return value
 
 
-def _read_time(value: Any, _found: Repairs) -> Any:  # noqa: ANN401 - JSON
-    if not _is_time(value):
-        raise _UnrepairableError
-    return value
+def _time_of(at: str) -> _Fix:
+    def fix(value: Any, repairs: Repairs) -> Any:  # noqa: ANN401 - JSON
+        if _is_time(value):
+            return value
+        time = _unix_time(value)
+        if time is None:
+            raise _UnrepairableError
+        repairs[at, RepairKind.UNIX_TIME] = quoted(value)
+        return iso(time)
+
+    return fix
 
 
 def _list_of(shape: Shape, at: str, scope: Scope, only: frozenset[str]) -> _Fix:
@@ -409,16 +497,19 @@ def _list_of(shape: Shape, at: str, scope: Scope, only: frozenset[str]) -> _Fix:
     droppable = droppable and not issubclass(item.kind, _NEVER_DROPPED)
 
     def fix(value: Any, repairs: Repairs) -> Any:  # noqa: ANN401 - JSON
+        if type(value) is str and value and scope is not Scope.COMMAND and issubclass(item.kind, str):
+            repairs[at, RepairKind.TEXT_AS_LIST] = quoted(value)
+            value = [value]
         if type(value) is not list:
             raise _UnrepairableError
         kept: list[Any] = []
         for element in value:
             try:
                 kept.append(fix_item(element, repairs))
-            except _UnrepairableError:
+            except _UnrepairableError as error:
                 if not droppable:
                     raise
-                repairs[at, RepairKind.LEFT_OUT] = quoted(element)
+                repairs[at, RepairKind.LEFT_OUT] = error.within(at, element)
         value[:] = kept
         return value
 
@@ -532,7 +623,7 @@ def _within_limits(number: float, shape: Shape, at: str, scope: Scope) -> tuple[
         _UnrepairableError: the intended value is unclear.
 
     """
-    if shape.most == ANGLE_LIMIT and scope is Scope.COMMAND and abs(number) > _FULL_TURN:
+    if shape.most == ANGLE_LIMIT and scope is Scope.COMMAND and abs(number) > FULL_TURN:
         raise _UnrepairableError  # may be degrees
     if shape.most == ANGLE_LIMIT and shape.least == 0:  # an allowed deviation; 2.x permits negative ones
         return min(max(number, 0.0), pi), RepairKind.CLAMPED

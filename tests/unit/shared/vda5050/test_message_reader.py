@@ -3,12 +3,15 @@ from __future__ import annotations
 import json
 from datetime import UTC, datetime
 from math import pi
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from nena_shared.vda5050 import message_reader as reader
+from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.command_reader import read_command
+from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.message_reader import DEVIATIONS_REMEMBERED, MessageReader
 from nena_shared.vda5050.order import Order
@@ -16,7 +19,9 @@ from nena_shared.vda5050.repair import Repair, RepairKind
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.v2_0 import CODEC as CODEC_2_0
 from nena_shared.vda5050.v2_1 import CODEC as CODEC_2_1
-from support.fleet_examples import state
+from nena_shared.vda5050.versions import codec_for
+from nena_shared.vda5050.visualization import Visualization
+from support.fleet_examples import connection, factsheet, header, position, state
 
 TOPIC = "uagv/v2/ACME/r1/state"
 
@@ -184,3 +189,84 @@ def test_an_integer_beyond_all_floats_is_repaired_or_refused_but_never_breaks_th
     with_order = huge.replace(b'"orderId":""', b'"orderId":"o1"')
     with pytest.raises(MalformedMessageError, match="orderUpdateId"):
         messages.read(State, TOPIC, with_order, "v2")
+
+
+OTHERS = ("1.3.2", "1.1", "0.8.4", "5.0.0", "VDA1_1", "v9", 7, "")
+KINDS: list[type[Header]] = [State, Connection, Visualization, Factsheet]
+
+
+def content_of(kind: type[Header], version: str) -> dict[str, Any]:
+    """Return a message that conforms to a version."""
+    pose = {"mobile_robot_position": position(4.0, 0.0)}
+    made: dict[type[Header], Header] = {
+        State: state(**pose),
+        Connection: connection(),
+        Visualization: Visualization(**header(), reference_state_header_id=1, **pose),
+        Factsheet: factsheet(),
+    }
+    return cast("dict[str, Any]", json.loads(codec_for(version).encode(made[kind])))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("version", "stated"),
+    [("2.1.0", each) for each in (*OTHERS, "3.0.0", "3.0.1")]
+    + [("3.0.0", each) for each in (*OTHERS, "2.1.0", "2.0.0", "v2")],
+)
+def test_the_topic_decides_the_version_not_the_header(kind: type[Header], version: str, stated: Any) -> None:
+    reports: list[Repair] = []
+    major = f"v{version[0]}"
+    topic = f"uagv/{major}/FIELD/r2/x"
+    payload = json.dumps({**content_of(kind, version), "version": stated}).encode()
+    messages = MessageReader(lambda _, repairs: reports.extend(repairs))
+    for _ in range(2):
+        reports.clear()
+        assert messages.read(kind, topic, payload, major).version.startswith(version[0])
+        assert [each.field for each in reports] == ["version"]
+    with pytest.raises(MalformedMessageError, match="version"):
+        MessageReader(strict=True).read(kind, topic, payload, major)
+
+
+@pytest.mark.parametrize("kind", [State, Factsheet])
+@pytest.mark.parametrize("stated", ["1.3.2", "3.0.0", "2.1.0"])
+@pytest.mark.parametrize(("version", "major"), [("3.0.0", "v2"), ("2.1.0", "v3")])
+def test_a_message_in_the_form_of_another_version_than_its_topic_is_refused_as_such(
+    kind: type[Header], version: str, major: str, stated: str
+) -> None:
+    payload = json.dumps({**content_of(kind, version), "version": stated}).encode()
+    with pytest.raises(
+        MalformedMessageError, match=rf"a field of VDA 5050 {version[0]}\.x, but is on a topic of {major}"
+    ):
+        MessageReader().read(kind, f"uagv/{major}/FIELD/r2/x", payload, major)
+
+
+def test_one_heading_beyond_a_full_turn_makes_all_of_a_robot_degrees() -> None:
+    reports: list[str] = []
+    messages = MessageReader(lambda _, repairs: reports.extend(map(str, repairs)))
+
+    def read(kind: type[State | Visualization], theta: Any, robot: str = "r1", **fields: Any) -> float:
+        reports.clear()
+        content = content_of(kind, "2.1.0") | fields
+        content["agvPosition"]["theta"] = theta
+        payload = json.dumps(content).encode()
+        message = messages.read(
+            kind, f"uagv/v2/FIELD/{robot}/x/{kind.__name__}".replace("/x", ""), payload, "v2"
+        )
+        assert message.mobile_robot_position
+        return message.mobile_robot_position.theta
+
+    assert read(State, 3.0) == 3.0
+    assert read(State, 90) == pytest.approx(pi / 2)
+    assert reports == ["agvPosition.theta 90: degrees"]
+    for kind in (State, Visualization):
+        for fields in ({}, {"version": "1.3.2"}, {"timestamp": 1_795_858_193}):
+            assert read(kind, 3, **fields) == pytest.approx(3 * pi / 180)
+            assert "agvPosition.theta 3: degrees" in reports
+            assert read(kind, "270.0", **fields) == pytest.approx(-pi / 2)
+    assert read(State, 3.0, robot="r2") == 3.0
+    unreadable = {**content_of(State, "2.1.0"), "nodeStates": 5}
+    unreadable["agvPosition"]["theta"] = 180
+    seen = messages.sighting("uagv/v2/FIELD/r1/state", json.dumps(unreadable).encode(), "v2")
+    assert seen
+    assert seen.mobile_robot_position
+    assert abs(seen.mobile_robot_position.theta) == pytest.approx(pi)

@@ -83,6 +83,10 @@ REPAIRED: list[tuple[str, Any, str | None, str, Any]] = [
     ("agvPosition.localizationScore", 900, "left_out", "mobile_robot_position.localization_score", None),
     ("agvPosition.deviationRange", -1, "left_out", "mobile_robot_position.deviation_range", None),
     ("agvPosition.mapId", 7, "number_as_text", "mobile_robot_position.map_id", "7"),
+    ("agvPosition.mapId", MISSING, "replaced", "mobile_robot_position.map_id", ""),
+    ("agvPosition.positionInitialized", MISSING, "replaced", "mobile_robot_position.localized", False),
+    ("agvPosition.positionInitialized", "?", "replaced", "mobile_robot_position.localized", False),
+    ("agvPosition.theta", MISSING, "left_out", "mobile_robot_position", None),
     ("agvPosition.positionInitialized", "true", "text_as_boolean", "mobile_robot_position.localized", True),
     ("agvPosition.positionInitialized", 1, "text_as_boolean", "mobile_robot_position.localized", True),
     ("batteryState.batteryCharge", 101.3, "clamped", "power_supply.state_of_charge", 100.0),
@@ -181,9 +185,13 @@ def test_deviation_is_read_alike_after_any_other() -> None:
 
 @pytest.mark.parametrize("strict", [False, True])
 @pytest.mark.parametrize(
-    "value", [1_700_000_000, 1_700_000_000_000, "1700000000", "1700000000000", 1_700_000_000.0]
+    "value",
+    [
+        *(1_700_000_000, "1700000000", 1_700_000_000.0, "1700000000000", "1700000000000000000"),
+        *(17 * 10 ** (8 + digits) for digits in (3, 6, 9)),
+    ],
 )
-def test_unix_times_in_seconds_and_milliseconds_are_read_and_reported(*, value: Any, strict: bool) -> None:
+def test_unix_times_are_read_and_reported(*, value: Any, strict: bool) -> None:
     payload = deviating("timestamp", value)
     if strict:
         with pytest.raises(MalformedMessageError, match="timestamp"):
@@ -212,7 +220,7 @@ def test_objects_that_say_nothing_get_the_safest_values(value: Any) -> None:
 def sighting(payload: bytes) -> State:
     with pytest.raises(MalformedMessageError):
         read(payload)
-    found = MessageReader().sighting(payload, "v2")
+    found = MessageReader().sighting("uagv/v2/A/1/state", payload, "v2")
     assert found
     assert found.mobile_robot_position
     assert (found.mobile_robot_position.x, found.mobile_robot_position.y) == (1.0, 2.0)
@@ -228,7 +236,6 @@ def sighting(payload: bytes) -> State:
         ("actionStates", [{"id": "7"}]),
         ("edgeStates", 7),
         ("orderId", None),
-        ("version", "3.0.0"),
         ("errors", {"all": "well"}),
     ],
 )
@@ -247,13 +254,14 @@ def test_a_state_of_another_version_on_this_topic_says_where_the_robot_is() -> N
 
 @pytest.mark.parametrize("payload", [b"", b"[]", b"{", b'{"x": 1}', b"7"])
 def test_what_says_nothing_is_no_sighting(payload: bytes) -> None:
-    found = MessageReader().sighting(payload, "v2")
+    found = MessageReader().sighting("uagv/v2/A/1/state", payload, "v2")
 
     assert found is None or (found.mobile_robot_position, found.last_node_id) == (None, "")
 
 
 @pytest.mark.parametrize(
-    "value", [0, 17_000, 1_700_000_000_000_000, 10**400, "", None, "yesterday", MISSING, "2026-01-01"]
+    "value",
+    [0, 17_000, 10**11, 10**400, "", None, "yesterday", MISSING, "2026-01-01", "DT#2023-11-17-11:41:32"],
 )
 def test_time_of_arrival_replaces_an_unreadable_timestamp(value: Any) -> None:
     before = datetime.now(UTC)
@@ -283,13 +291,47 @@ def test_a_byte_order_mark_is_skipped() -> None:
         ("nodeStates.0.sequenceId", 1.5),
         ("edgeStates.0.edgeId", None),
         ("driving", "perhaps"),
-        ("version", "3.0.0"),
     ],
 )
 def test_unsafe_deviation_rejects_the_message(path: str, value: Any) -> None:
     with pytest.raises(MalformedMessageError) as caught:
         read(deviating(path, value))
     assert caught.value.problems[0].startswith(path.removesuffix(".0"))
+
+
+def test_what_makes_an_object_unreadable_is_named() -> None:
+    _, repairs = read(deviating("agvPosition.theta", MISSING))
+    assert list(map(str, repairs)) == ["agvPosition theta missing: left out"]
+
+
+@pytest.mark.parametrize("version", CODECS)
+@pytest.mark.parametrize(
+    "idle",
+    [
+        {"orderId": MISSING},
+        {"orderId": None, "nodeStates": None},
+        {"orderId": "", "nodeStates": MISSING},
+        {"nodeStates": MISSING, "edgeStates": MISSING},
+    ],
+)
+def test_a_state_that_says_that_there_is_no_order_is_read(idle: dict[str, Any], version: str) -> None:
+    content = json.loads(CODECS[version].encode(robot_state()))
+    assert content["orderId"] == ""
+    content |= idle
+    payload = json.dumps({name: value for name, value in content.items() if value is not MISSING}).encode()
+    major = CODECS[version].major_version
+    message = MessageReader().read(State, f"uagv/{major}/ACME/r1/state", payload, major)
+
+    assert (message.order_id, message.node_states, message.edge_states) == ("", (), ())
+
+
+@pytest.mark.parametrize("path", ["orderId", "nodeStates"])
+def test_an_order_without_its_name_or_nodes_is_never_read_as_idle(path: str) -> None:
+    for others in ({}, {"edgeStates": []}, {"actionStates": []}):
+        content = {**STATE, "orderId": "o1", **others}
+        del content[path]
+        with pytest.raises(MalformedMessageError, match=f"{path}: is missing"):
+            read(json.dumps(content).encode())
 
 
 def test_a_strict_reader_repairs_nothing() -> None:
@@ -319,6 +361,56 @@ def test_a_factsheet_with_null_lists_and_an_unknown_scope_is_read(factsheet: dic
     )
     assert message.protocol_features.optional_parameters == ()
     assert message.protocol_features.mobile_robot_actions[0].action_scopes == ("NODE",)
+
+
+INCOMPLETE = [
+    ("protocolLimits", MISSING),
+    ("protocolLimits", {}),
+    ("protocolLimits", {"timing": {"minOrderInterval": "often"}}),
+    ("agvGeometry", None),
+    ("loadSpecification", MISSING),
+    ("loadSpecification", []),
+    ("physicalParameters", {"speedMax": 1.5}),
+    ("physicalParameters", {"speedMax": -1}),
+    ("typeSpecification", {"navigationTypes": "AUTONOMOUS"}),
+    ("protocolFeatures", MISSING),
+]
+
+
+@pytest.mark.parametrize(("name", "value"), INCOMPLETE)
+def test_what_an_incomplete_factsheet_says_is_read(factsheet: dict[str, Any], name: str, value: Any) -> None:
+    series = "" if name == "typeSpecification" else factsheet["typeSpecification"]["seriesName"]
+    del factsheet[name]
+    factsheet |= {} if value is MISSING else {name: value}
+    found: list[Repair] = []
+    message = MessageReader(lambda _, repairs: found.extend(repairs)).read(
+        Factsheet, "uagv/v2/ACME/r1/factsheet", json.dumps(factsheet).encode(), "v2"
+    )
+
+    assert message.type_specification.series_name == series
+    assert found
+    assert all(each.field.startswith(name) for each in found)
+    assert message.protocol_limits.timing.minimum_order_interval in (0.0, 1.0)
+
+
+def test_enumerations_off_the_list_leave_an_action_usable(factsheet: dict[str, Any]) -> None:
+    features = factsheet["protocolFeatures"]
+    features["agvActions"] = [
+        {
+            "actionType": "pick",
+            "actionScopes": "NODE",
+            "actionParameters": [{"key": "lhd", "valueDataType": "DOUBLE"}],
+            "blockingTypes": ["FULL"],
+        }
+    ]
+    features["optionalParameters"] = [{"parameter": "order.nodes.nodeDescription", "support": "OPTIONAL"}]
+    message = MessageReader().read(
+        Factsheet, "uagv/v2/ACME/r1/factsheet", json.dumps(factsheet).encode(), "v2"
+    )
+
+    [pick] = message.protocol_features.mobile_robot_actions
+    assert (pick.action_scopes, pick.action_parameters, pick.blocking_types) == (("NODE",), None, ())
+    assert [each.support for each in message.protocol_features.optional_parameters] == ["SUPPORTED"]
 
 
 @pytest.mark.parametrize(

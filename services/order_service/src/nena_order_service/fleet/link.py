@@ -599,7 +599,7 @@ class FleetLink:
         control = self._controller.control(robot)
         if name is Topic.STATE:
             problem = Reason(R.UNREADABLE_STATES, error.reason)
-            sighting = self._reader.sighting(inbound.payload, scheme.major_version)
+            sighting = self._reader.sighting(inbound.topic, inbound.payload, scheme.major_version)
             outputs = control.on_unreadable_state(problem, sighting, self._now())
         else:
             of_connection = name is Topic.CONNECTION  # no orders without a connection
