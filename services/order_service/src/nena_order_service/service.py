@@ -225,6 +225,7 @@ def make_fleet(
         on_events=engine.on_events,
         epoch=epoch,
         header_ids=header_ids,
+        only_map=engine.plant.only_map(settings.engine.default_map_id),
     )
 
 

@@ -290,6 +290,7 @@ class FleetSubscriber:
     def _read_plant_model(self, inbound: Inbound, _at: Timestamp) -> None:
         plant = PlantModel.from_json(inbound.payload) if inbound.payload else None
         self._model.on_plant_model(plant)
+        self._reader.only_map = plant.only_map() if plant else ""
         if plant:
             self._subscribe_robots(schemes_of(plant.vehicles))
 

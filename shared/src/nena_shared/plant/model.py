@@ -287,6 +287,11 @@ class PlantModel(PlantRecord):
         """Points by name."""
         return {point.name: point for point in self.points}
 
+    def only_map(self, default: str = "") -> str:
+        """Return the plant's map, ``default`` for what names none; empty if there is none or several."""
+        names = {place.map_id or default for place in (*self.points, *self.vehicles)} - {""}
+        return names.pop() if len(names) == 1 else ""
+
     @cached_property
     def points_by_map(self) -> Mapping[str | None, PlanarIndex[Point]]:
         """Spatial index of the points (m) for each mapId; None: points without one."""

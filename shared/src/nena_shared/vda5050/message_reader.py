@@ -20,8 +20,8 @@ from nena_shared.vda5050.repair import (
     RepairKind,
     Repairs,
     Scope,
-    convert_degrees,
     repair,
+    repair_position,
     repairs_of,
     version_number,
     without_mark,
@@ -79,8 +79,12 @@ class MessageReader:
     rejects it.
     """
 
-    def __init__(self, report: Report = lambda _topic, _repairs: None, *, strict: bool = False) -> None:
+    def __init__(
+        self, report: Report = lambda _topic, _repairs: None, *, strict: bool = False, only_map: str = ""
+    ) -> None:
         load_codecs()
+        self.only_map = only_map
+        """The map on which robots are that report none; empty: such a map is not known."""
         self._report = report
         self._strict = strict
         self._readers: dict[str, _KnownReader] = {}
@@ -102,7 +106,7 @@ class MessageReader:
         deviations = reader.deviations if reader is not None else EVERYWHERE
         if kind in RECORDED and (deviations or self._is_in_degrees(topic)):
             message = self._repaired(kind, topic, payload, major_version, deviations)
-            if message is not None:
+            if message is not None and not self._lacks_map(message):
                 return message
         if reader is not None:
             try:
@@ -110,7 +114,7 @@ class MessageReader:
             except MalformedMessageError:
                 pass  # its version may have changed
             else:
-                if message.version == reader.version:
+                if message.version == reader.version and not self._lacks_map(message):
                     reader.note(EVERYWHERE)
                     return message
         return self._read_unexpected(kind, topic, payload, major_version)
@@ -127,8 +131,14 @@ class MessageReader:
             if repaired is None:
                 raise
             return repaired
+        if self._lacks_map(message):
+            return self._repaired(kind, topic, payload, major_version, EVERYWHERE) or message
         self._learn_repairs(topic, _KnownReader(message.version, codec, EVERYWHERE))
         return message
+
+    def _lacks_map(self, message: Header) -> bool:
+        position = getattr(message, "mobile_robot_position", None) if self.only_map else None
+        return position is not None and not position.map_id and not self._strict
 
     def _repaired(
         self, kind: type[M], topic: str, payload: bytes, major_version: str, only: frozenset[str]
@@ -158,7 +168,7 @@ class MessageReader:
                 content["version"] = codec.version
                 repairs["version", RepairKind.UNKNOWN_VERSION] = f"{stated}, read as {codec.version}"
             if kind in RECORDED:
-                self._convert_degrees(topic, content, repairs)
+                self._repair_position(topic, content, repairs)
             message = _repaired_in(kind, codec, content, repairs, only)
         except MalformedMessageError:
             if only:
@@ -196,7 +206,7 @@ class MessageReader:
             if not isinstance(content, dict):
                 return None
             content["version"], at = codec.version, datetime.now(UTC)
-            self._convert_degrees(topic, content, {})
+            self._repair_position(topic, content, {})
             repair(codec.forms[State], content, {}, version=codec.version, now=at, scope=Scope.SIGHTING)
             return _read_repaired(State, codec, content)
         except (MalformedMessageError, ArithmeticError, ValueError, RecursionError):
@@ -205,9 +215,9 @@ class MessageReader:
     def _is_in_degrees(self, topic: str) -> bool:
         return bool(self._in_degrees) and topic.rpartition("/")[0] in self._in_degrees
 
-    def _convert_degrees(self, topic: str, content: dict[str, Any], repairs: Repairs) -> None:
+    def _repair_position(self, topic: str, content: dict[str, Any], repairs: Repairs) -> None:
         known = self._is_in_degrees(topic)
-        if convert_degrees(content, repairs, known=known) and not known:
+        if repair_position(content, repairs, in_degrees=known, only_map=self.only_map) and not known:
             if len(self._in_degrees) >= TOPICS_REMEMBERED:
                 self._in_degrees.clear()  # learnt again with a heading beyond a full turn
             self._in_degrees.add(topic.rpartition("/")[0])

@@ -277,21 +277,33 @@ POSITIONS: Final = frozenset({"agvPosition", "mobileRobotPosition"})
 """The robot's position in 2.x, and in 3.0."""
 
 
-def convert_degrees(content: dict[str, Any], repairs: Repairs, *, known: bool) -> bool:
-    """Convert the robot's heading to radians if its headings are in degrees; return whether they are.
+def repair_position(
+    content: dict[str, Any], repairs: Repairs, *, in_degrees: bool, only_map: str = ""
+) -> bool:
+    """Convert the robot's heading if its headings are in degrees; return whether they are.
 
-    ``known``: an earlier heading was beyond a full turn in radians.
+    Args:
+        content: the message.
+        repairs: receives what was repaired.
+        in_degrees: whether an earlier heading was beyond a full turn in radians.
+        only_map: replaces an empty or missing mapId; empty: the plant does not have exactly one map.
     """
     for name in POSITIONS & content.keys():
         position = content[name]
-        theta = position.get("theta") if isinstance(position, dict) else None
+        if not isinstance(position, dict):
+            continue
+        if only_map and position.get("mapId") in ("", None):
+            received = quoted(position["mapId"]) if "mapId" in position else "missing"
+            repairs[f"{name}.mapId", RepairKind.REPLACED] = received
+            position["mapId"] = only_map
+        theta = position.get("theta")
         heading = _parse_number(theta) if isinstance(theta, str) else theta
         is_number = type(heading) in (int, float) and _is_finite(heading)
-        if is_number and (known or abs(heading) > FULL_TURN):
+        if is_number and (in_degrees or abs(heading) > FULL_TURN):
             position["theta"] = remainder(radians(heading), 2 * pi)
             repairs[f"{name}.theta", RepairKind.DEGREES] = quoted(theta)
-            known = True
-    return known
+            in_degrees = True
+    return in_degrees
 
 
 def written(content: dict[str, Any]) -> bytes | None:

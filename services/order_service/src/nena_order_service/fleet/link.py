@@ -382,7 +382,9 @@ class FleetLink:
         on_events: Callable[[*tuple[FleetOutput, ...]], None],
         epoch: int = 0,
         header_ids: HeaderIds | None = None,
+        only_map: str = "",
     ) -> None:
+        """``only_map``: the plant's map; empty if it does not have exactly one."""
         self._mqtt = mqtt
         self._addresses = addresses
         self._settings = settings
@@ -403,7 +405,9 @@ class FleetLink:
         self._controller = FleetController(
             settings, expected=addresses.expected, utc_now=clock.now, deviations=self.deviations.of
         )
-        self._reader = MessageReader(self.deviations.note_message, strict=settings.strict)
+        self._reader = MessageReader(
+            self.deviations.note_message, strict=settings.strict, only_map=only_map
+        )
         self._rate = MessageRate(settings.messages_per_second, settings.messages_burst)
         self._subscribe_to(Topic.CONNECTION, Connection, self._controller.on_connection, qos=1)
         for robot in addresses.expected:
