@@ -252,6 +252,7 @@ class ReasonCode(StrEnum):
     ROBOT = auto()
     IT = auto()
     NEVER_CONNECTED = auto()
+    OTHER_TOPIC = auto()
     IS_OFFLINE = auto()
     IS_HIBERNATING = auto()
     CONNECTION_LOST = auto()

@@ -6,9 +6,11 @@ import asyncio
 from typing import Any
 
 import pytest
+from paho.mqtt.client import topic_matches_sub
 
 from nena_order_service.fleet.failures import RobotBusyError
 from nena_order_service.fleet.link import (
+    SEARCHED_AFTER,
     STANDARD,
     FleetLink,
     LastNodes,
@@ -381,3 +383,49 @@ async def test_waiting_messages_are_read_before_an_order_is_sent_again() -> None
     await until(lambda: len(looks) >= 3, what="timeouts are checked")
     running.cancel()
     assert len(sent) == 1
+
+
+SIMILAR = [
+    *("uagv/v2/ACME/R1/connection", "uagv/v2/acme/r1/connection", "uagv/v2/ACME/R1/state"),
+    *("uagv/v2.0.0/ACME/r1/connection", "uagv/v2/ACME/r1/connect", "meili/v2/ACME/r1/connection"),
+    *("v2/ACME/r1/connection", "uagv/ACME/r1/connection", "ACME/r1/connection"),
+    *("site/hall/v2/ACME/r1/connection", "uagv/v2/NeNa/r1/connection", "uagv/v2.0.0/ACME/R1/connect"),
+]
+
+
+@pytest.mark.parametrize("topic", [*SIMILAR, "uagv/v2/ACME/r2/connection", "fleet/v2/ACME/r22/connection"])
+async def test_a_robot_that_was_never_heard_is_told_of_messages_on_a_similar_topic(topic: str) -> None:
+    mqtt, clock = Handlers(), ManualClock()
+    link = link_over(mqtt, clock, FleetSettings(tick_interval=0.001))
+    mqtt.state.connected = True
+    robot = HonestRobot(key=ROBOT)
+    messages = {
+        "state": robot.state(),
+        "connection": robot.connection(ConnectionState.ONLINE),
+        "connect": robot.connection(ConnectionState.ONLINE),
+    }
+
+    def send(topic: str) -> None:
+        payload = codec_for("2.1.0").encode(messages[topic.rpartition("/")[2]])
+        for topic_filter, handler in dict(mqtt.by_filter).items():
+            if topic_matches_sub(topic_filter, topic):
+                handler(Inbound(topic, payload, retained=True))
+
+    running = asyncio.create_task(link.run())
+    try:
+        await until(lambda: link.connected_for() >= 0.0 and link._connected, what="the link noticed")
+        clock.advance(SEARCHED_AFTER)
+        await until(lambda: link._searched, what="a search")
+        send(topic)
+        reason = str(link.view(ROBOT).availability.reason)
+        own = V2.of(
+            ROBOT, Topic(level) if (level := topic.rpartition("/")[2]) in set(Topic) else Topic.CONNECTION
+        )
+        assert reason.startswith("has never connected")
+        assert (f"on '{topic}' instead of '{own}'" in reason) is (topic in SIMILAR)
+
+        send(V2.of(ROBOT, Topic.STATE))
+        assert "instead of" not in str(link.view(ROBOT).availability.reason)
+    finally:
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)

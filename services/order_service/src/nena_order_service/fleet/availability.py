@@ -34,7 +34,7 @@ def why_away(
         return unreadable or Reason(R.UNSEEN_SINCE_TAKEOVER)
     if not broker:
         return Reason(R.NO_BROKER)
-    if link is LinkStatus.UNREADABLE:
+    if link in (LinkStatus.UNREADABLE, LinkStatus.UNKNOWN) and unreadable:
         return unreadable
     return LINK_REASONS.get(link)
 

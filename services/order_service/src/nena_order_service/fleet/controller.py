@@ -123,6 +123,12 @@ class RobotControl:
         self._changes += 1
         yield from self._report_change(now)
 
+    def on_other_topic(self, topic: str, expected: str, now: float) -> Iterator[FleetOutput]:
+        """Note that a message came on ``topic``, which is similar to the ``expected`` one."""
+        self.robot.other_topic = Reason(R.OTHER_TOPIC, topic=topic, expected=expected)
+        self._changes += 1
+        yield from self._report_change(now)
+
     def on_undeliverable(self, topic: str, now: float) -> Iterator[FleetOutput]:
         """End a VDA order that cannot be sent, because the broker ends our connection at it."""
         if self._run:
@@ -387,7 +393,8 @@ class RobotControl:
     def _why_away(self, link: LinkStatus) -> Reason | None:
         """Return, as a predicate, why the robot cannot be reached by this link; None if it can."""
         ours = self._instant_actions
-        return availability.why_away(link, self.robot.unreadable, broker=ours.broker, unread=ours.unread)
+        problem = self.robot.unreadable or (self.robot.other_topic if link is LinkStatus.UNKNOWN else None)
+        return availability.why_away(link, problem, broker=ours.broker, unread=ours.unread)
 
     def _wait_reason(self, now: float, away: Reason | None) -> Reason | None:
         run = self._run
@@ -563,6 +570,10 @@ class FleetController:
             return False
         robots = (control.robot for control in self._robots.values())
         return all(robot.state or robot.sighting or not robot.is_reachable for robot in robots)
+
+    def knows(self, robot: RobotKey) -> bool:
+        """Return whether this robot is expected, or has sent a message."""
+        return robot in self._robots
 
     def has_room_for(self, robot: RobotKey) -> bool:
         """Return whether this robot is known, or another one may be added (``robots_limit``)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -169,6 +170,8 @@ class RobotAddresses:
         self._sources = RobotSources()
         self._dialects: dict[RobotKey, Dialect] = {}
         self._expected: dict[RobotKey, tuple[RobotAddress, ...]] = {}
+        self._by_letters: dict[str, RobotKey] = {}
+        """Robots of the plant model by their names in small letters; by the serial number if it is unique."""
 
     @property
     def schemes(self) -> tuple[TopicScheme, ...]:
@@ -207,6 +210,11 @@ class RobotAddresses:
                 address = self._addresses[robot] = self._configured_address(vehicle, vehicle.protocol_version)
                 self._sources.expect(robot, address.scheme)
             self._expected[robot] = tuple(map(_oldest_address, schemes))
+        serials = Counter(robot.serial_number.casefold() for robot in self._expected)
+        for robot in self._expected:
+            self._by_letters[str(robot).casefold()] = robot
+            if serials[serial := robot.serial_number.casefold()] == 1:
+                self._by_letters[serial] = robot
 
     def dialect_of(self, robot: RobotKey) -> Dialect:
         """Return the configured deviations of ``robot`` from the standard."""
@@ -223,6 +231,22 @@ class RobotAddresses:
         if address:
             return (address,)
         return self._expected.get(robot) or tuple(map(_oldest_address, self._defaults.values()))
+
+    def similar_to(self, topic: str) -> tuple[RobotKey, str] | None:
+        """Return the robot of the plant model whose topic is probably meant, and its topic.
+
+        None if the topic is a robot's own, or similar to none.
+        """
+        *_, manufacturer, serial_number, name = ["", "", *topic.split("/")]
+        robot = RobotKey(manufacturer, serial_number)
+        meant = self._by_letters.get(str(robot).casefold())
+        if meant is None and robot not in self._expected:
+            meant = self._by_letters.get(serial_number.casefold())
+        if meant is None:
+            return None
+        name = name if name in set(Topic) else Topic.CONNECTION
+        topics = [address.scheme.of(meant, Topic(name)) for address in self._expected[meant]]
+        return None if topic in topics else (meant, self.addresses_of(meant)[0].scheme.of(meant, Topic(name)))
 
     def learn_source(
         self, robot: RobotKey, codec: Codec, scheme: TopicScheme, message: Dated, *, retained: bool
@@ -341,6 +365,13 @@ SENT_REMEMBERED: Final = 10_000
 """Number of our own commands that are recognised when the broker returns them."""
 LOGGED_OF_COMMAND: Final = 300
 
+SEARCHED_AFTER: Final = 10.0
+"""Seconds after a connect after which robots that are not heard of are searched for on similar topics."""
+SIMILAR_TOPICS: Final = tuple(
+    f"{'+/' * levels}{name}" for levels in range(2, 6) for name in ("connection", "connect")
+)
+"""Retained topics on which robots with another interface name, version level or topic name are found."""
+
 READ_WITHIN: Final = 2.0
 """Seconds within which waiting messages are read before timeouts are checked: under load, orders were sent
 again although the robots' answers were there."""
@@ -405,9 +436,7 @@ class FleetLink:
         self._controller = FleetController(
             settings, expected=addresses.expected, utc_now=clock.now, deviations=self.deviations.of
         )
-        self._reader = MessageReader(
-            self.deviations.note_message, strict=settings.strict, only_map=only_map
-        )
+        self._reader = MessageReader(self.deviations.note_message, strict=settings.strict, only_map=only_map)
         self._rate = MessageRate(settings.messages_per_second, settings.messages_burst)
         self._subscribe_to(Topic.CONNECTION, Connection, self._controller.on_connection, qos=1)
         for robot in addresses.expected:
@@ -419,6 +448,7 @@ class FleetLink:
         for scheme in addresses.schemes:
             for topic in COMMANDS:
                 mqtt.subscribe(scheme.for_all(topic), self._check_command, qos=0, needed=False)
+        self._searched = False
 
     async def run(self) -> None:
         """Handle timeouts periodically, until cancelled."""
@@ -476,6 +506,7 @@ class FleetLink:
         await self._mqtt.read_waiting(READ_WITHIN)
         self._notice_broker()
         self._rate.read_postponed(self._now())
+        self._search_robots()
         outputs: list[FleetOutput] = []
         try:
             for of_robot in self._controller.tick(self._now()):
@@ -495,6 +526,22 @@ class FleetLink:
         if link.connected:
             self._term = link.term
         self._hand_out(self._controller.on_broker(connected=link.connected, now=self._now(), unread=unread))
+
+    def _search_robots(self) -> None:
+        """Subscribe once to similar topics if robots of the plant model have not been heard of."""
+        if self._searched or self.connected_for() < SEARCHED_AFTER:
+            return
+        self._searched = True
+        if any(self.view(robot).link is LinkStatus.UNKNOWN for robot in self._addresses.expected):
+            for topic in SIMILAR_TOPICS:
+                self._mqtt.subscribe(topic, self._note_similar, qos=0, needed=False)
+
+    def _note_similar(self, inbound: Inbound) -> None:
+        """Tell a robot that has not been heard of that a message came on a topic like its own."""
+        meant = self._addresses.similar_to(inbound.topic) if inbound.payload else None
+        if meant:
+            control, topic = self._controller.control(meant[0]), inbound.topic[:LOGGED_OF_COMMAND]
+            self._hand_out(control.on_other_topic(topic, meant[1], self._now()))
 
     def _check_command(self, inbound: Inbound) -> None:
         """Log an error if another program commands robots; the broker returns our own commands as well."""
@@ -541,6 +588,8 @@ class FleetLink:
         if len(str(robot)) > KEY_LENGTH:
             self._note_long_name(robot)
             return None
+        if not self._controller.knows(robot):
+            self._note_similar(inbound)
         if not self._controller.has_room_for(robot):
             self.statistics.robot_limit += 1
             return None

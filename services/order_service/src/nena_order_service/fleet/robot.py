@@ -309,6 +309,8 @@ class Robot:
     """Whether its last state is from before it last connected: it may have been restarted since."""
     unreadable: Reason | None = None
     """The problem of its last state or connection message; None if that could be read."""
+    other_topic: Reason | None = None
+    """That a message came on a topic like this robot's."""
     states_unreadable: bool = False
     """Whether its last state could not be read."""
     _unreadable_at: float = -inf

@@ -7,7 +7,7 @@ from datetime import datetime
 from enum import StrEnum
 
 from nena_shared.clock import iso
-from nena_shared.fleet_api.reasons import CodedReason
+from nena_shared.fleet_api.reasons import CodedReason, ReasonCode
 from nena_shared.fleet_api.stops import VehicleStop
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.vda5050.action import ActionState, ActionStatus
@@ -192,6 +192,9 @@ def _assess_connection(inputs: ConditionInputs) -> Assessment | None:
 def _assess_stateless(inputs: ConditionInputs) -> Assessment:
     if inputs.problem:
         return Condition.ERROR, ConditionReason("unreadable", {"problem": inputs.problem})
+    coded = inputs.coded_remark
+    if inputs.fleet_remark and coded and coded.code == ReasonCode.OTHER_TOPIC:
+        return Condition.OFFLINE, ConditionReason("idle_why", {"why": inputs.fleet_remark}, coded=coded)
     if inputs.connection is None and inputs.fleet_remark is not None:
         return Condition.OFFLINE, ConditionReason("unheard")
     if not inputs.overdue:
