@@ -17,7 +17,7 @@ def document() -> str:
     """Return the whole text."""
     counted = Counter(map(_outcome, DEVIATIONS))
     summary = ", ".join(f"{count} {outcome}" for outcome, count in counted.most_common())
-    head = ("the robot sends", "version", "outcome", "reported as", "`reason`")
+    head = ("the robot sends", "version", "outcome", "reported as", "`reason`", "seen in public")
     table = [row(head), row("---" for _ in head), *map(_row, DEVIATIONS)]
     text = (_HERE / "compatibility_introduction.md").read_text(encoding="utf-8")
     peers = (_HERE / "compatibility_peers.md").read_text(encoding="utf-8")
@@ -33,7 +33,8 @@ def _outcome(deviation: Deviation) -> str:
 def _row(deviation: Deviation) -> str:
     report = f"`{deviation.report.strip()}`" if deviation.report else ""
     refusal = f"{deviation.refusal.rstrip(': ')} ..." if deviation.refusal else ""
-    return row((deviation.words, deviation.version, _outcome(deviation), report, refusal))
+    cells = (deviation.words, deviation.version, _outcome(deviation), report, refusal, deviation.seen)
+    return row(cells)
 
 
 if __name__ == "__main__":

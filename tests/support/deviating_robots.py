@@ -17,6 +17,21 @@ MISSING: Final[Any] = object()
 """Instead of a value: the field is not there."""
 
 
+def of_states(count: int) -> str:
+    """Return how many of the public states deviate so."""
+    return f"{count} of 49 states"
+
+
+def of_orders(count: int) -> str:
+    """Return how many of the public orders deviate so."""
+    return f"{count} of 58 orders"
+
+
+def of_factsheets(count: int) -> str:
+    """Return how many of the public factsheets deviate so."""
+    return f"{count} of 21 factsheets"
+
+
 @dataclass(frozen=True)
 class Deviation:
     """One way to deviate, on every message of a topic."""
@@ -33,6 +48,8 @@ class Deviation:
     version: str = "2.1.0"
     raw: bytes = b""
     """Stands before the message."""
+    seen: str = ""
+    """How often it is seen in public messages, see docs/compatibility.md."""
 
     def applied(self, payload: bytes) -> bytes:
         """Return a message as the robot sends it."""
@@ -50,10 +67,12 @@ def _put(place: Any, path: list[str], value: Any) -> None:
     elif rest:
         if first in place:
             _put(place[first], rest, value)
-    elif value is MISSING:
-        place.pop(first, None)
     else:
-        place[first] = value(place.get(first)) if callable(value) else value
+        value = value(place.get(first)) if callable(value) else value
+        if value is MISSING:
+            place.pop(first, None)
+        else:
+            place[first] = value
 
 
 def _error(**fields: Any) -> list[dict[str, Any]]:
@@ -74,6 +93,31 @@ def _of_position() -> Iterator[Deviation]:
         "heading 3.1416 in 3.0",
         {"mobileRobotPosition.theta": 3.1416},
         version="3.0.0",
+    )
+    yield Deviation(
+        "heading 90: degrees from then on", {"agvPosition.theta": 90}, f"{at} 90: degrees", seen=of_orders(4)
+    )
+    yield Deviation(
+        "no heading",
+        {"agvPosition.theta": MISSING},
+        "state.agvPosition theta missing: left out",
+        "cannot be dispatched: it reports neither a trusted pose",
+    )
+    yield Deviation(
+        "no positionInitialized",
+        {"agvPosition.positionInitialized": MISSING},
+        "state.agvPosition.positionInitialized missing: replaced",
+        "is not localised",
+    )
+    map_id = "state.agvPosition.mapId"
+    yield Deviation(
+        "empty mapId, plant with one map",
+        {"agvPosition.mapId": ""},
+        f'{map_id} "": replaced',
+        seen=of_states(4),
+    )
+    yield Deviation(
+        "no mapId, plant with one map", {"agvPosition.mapId": MISSING}, f"{map_id} missing: replaced"
     )
     yield Deviation("heading as text", {"agvPosition.theta": "0.5"}, f'{at} "0.5": text as number')
     yield Deviation(
@@ -180,9 +224,9 @@ def _of_errors() -> Iterator[Deviation]:
 
 
 def _of_lists() -> Iterator[Deviation]:
-    for name in ("errors", "edgeStates", "actionStates"):
+    for name, seen in (("errors", ""), ("edgeStates", of_states(6)), ("actionStates", of_states(7))):
         yield Deviation(f"{name} null", {name: None}, f"state.{name} null: empty list")
-        yield Deviation(f"no {name}", {name: MISSING}, f"state.{name} missing: empty list")
+        yield Deviation(f"no {name}", {name: MISSING}, f"state.{name} missing: empty list", seen=seen)
     yield Deviation(
         "nodeStates null where empty", {"nodeStates": lambda value: value or None}, "state.nodeStates null"
     )
@@ -212,13 +256,42 @@ def _of_numbers() -> Iterator[Deviation]:
     yield Deviation("headerId as text", {"headerId": str}, "state.headerId ")
     yield Deviation("headerId with decimals", {"headerId": float}, "state.headerId ")
     yield Deviation("no headerId", {"headerId": MISSING}, "state.headerId missing: replaced")
+    yield Deviation(
+        "orderId null without an order",
+        {"orderId": lambda value: value or None},
+        "state.orderId null: replaced",
+        seen=of_states(1),
+    )
+    yield Deviation(
+        "no orderId without an order",
+        {"orderId": lambda value: value or MISSING},
+        "state.orderId missing: replaced",
+        seen=of_states(1),
+    )
 
 
 def _of_headers() -> Iterator[Deviation]:
     arrival = "time of arrival"
     unix = "unix time"
     yield Deviation(
-        "timestamp in seconds", {"timestamp": 1_700_000_000}, f"state.timestamp 1700000000: {unix}"
+        "timestamp in seconds",
+        {"timestamp": 1_700_000_000},
+        f"state.timestamp 1700000000: {unix}",
+        seen=of_states(1),
+    )
+    for topic in (Topic.CONNECTION, Topic.FACTSHEET):
+        yield Deviation(
+            f"timestamp in seconds ({topic})",
+            {"timestamp": 1_700_000_000},
+            f"{topic}.timestamp 1700000000: {unix}",
+            topic=topic,
+        )
+    yield Deviation(
+        "timestamp of a PLC (factsheet)",
+        {"timestamp": "DT#2026-01-01-11:41:32"},
+        f'factsheet.timestamp "DT#2026-01-01-11:41:32": {arrival}',
+        topic=Topic.FACTSHEET,
+        seen=of_factsheets(1),
     )
     yield Deviation(
         "timestamp in milliseconds, as text",
@@ -228,15 +301,18 @@ def _of_headers() -> Iterator[Deviation]:
     yield Deviation(
         "timestamp in microseconds",
         {"timestamp": 1_700_000_000_000_000},
-        f"state.timestamp 1700000000000000: {arrival}",
+        f"state.timestamp 1700000000000000: {unix}",
     )
     yield Deviation(
-        "the same headerId and timestamp always", {"headerId": 0, "timestamp": "1970-01-01T00:00:00.000Z"}
+        "the same headerId and timestamp always",
+        {"headerId": 0, "timestamp": "1970-01-01T00:00:00.000Z"},
+        seen=of_states(3),
     )
     yield Deviation(
         "neither headerId nor timestamp",
         {"headerId": MISSING, "timestamp": MISSING},
         f"state.timestamp null: {arrival}",
+        seen=of_states(3),
     )
     yield Deviation("timestamp empty", {"timestamp": ""}, f'state.timestamp "": {arrival}')
     yield Deviation("timestamp null", {"timestamp": None}, f"state.timestamp null: {arrival}")
@@ -251,8 +327,29 @@ def _of_headers() -> Iterator[Deviation]:
     yield Deviation(
         "version 2.7.0", {"version": "2.7.0"}, "state.version 2.7.0, read as 2.1.0: unknown version"
     )
+    yield Deviation("no version", {"version": MISSING}, f"state.version null: {number}", seen=of_states(6))
+    yield Deviation("version VDA1_1", {"version": "VDA1_1"}, f'state.version "VDA1_1": {number}', seen="seen")
+    for version, seen in (("1.3.2", of_states(3)), ("0.8.4", "seen"), ("5.0.0", "seen"), ("3.0.0", "")):
+        report = f"version {version}, read as 2.1.0: unknown version"
+        yield Deviation(f"version {version}", {"version": version}, f"state.{report}", seen=seen)
     yield Deviation(
-        "version 1.3.2", {"version": "1.3.2"}, "state.version 1.3.2, read as 2.1.0: unknown version"
+        "version 2.1.0 on a topic of 3.0",
+        {"version": "2.1.0"},
+        "state.version 2.1.0, read as 3.0.1: unknown version",
+        version="3.0.0",
+    )
+    for topic in (Topic.CONNECTION, Topic.FACTSHEET):
+        yield Deviation(
+            f"version 1.3.2 ({topic})",
+            {"version": "1.3.2"},
+            f"{topic}.version 1.3.2, read as 2.1.0: unknown version",
+            topic=topic,
+        )
+    yield Deviation(
+        "no manufacturer",
+        {"manufacturer": MISSING},
+        "state.manufacturer missing: replaced",
+        seen=of_states(6),
     )
     yield Deviation("version 3.0.1", {"version": "3.0.1"}, version="3.0.0")
     yield Deviation("byte order mark", report="state.message EF BB BF: byte order mark", raw=b"\xef\xbb\xbf")
@@ -296,23 +393,55 @@ def _of_words() -> Iterator[Deviation]:
         "factsheet.protocolFeatures.optionalParameters null: empty list",
         topic=Topic.FACTSHEET,
     )
+    for name, seen in (
+        ("protocolLimits", of_factsheets(8)),
+        ("agvGeometry", of_factsheets(5)),
+        ("loadSpecification", of_factsheets(5)),
+        ("physicalParameters.speedMax", of_factsheets(5)),
+    ):
+        yield Deviation(
+            f"factsheet without {name}",
+            {name: MISSING},
+            f"factsheet.{name} missing: replaced",
+            topic=Topic.FACTSHEET,
+            seen=seen,
+        )
+    yield Deviation(
+        "factsheet with another word",
+        {"protocolFeatures.optionalParameters": [{"parameter": "order.zoneSetId", "support": "OPTIONAL"}]},
+        'factsheet.protocolFeatures.optionalParameters.support "OPTIONAL": replaced',
+        topic=Topic.FACTSHEET,
+        seen=of_factsheets(4),
+    )
 
 
 def _unreadable() -> Iterator[Deviation]:
     sends = "sends states that are unreadable: "
-    yield Deviation("no orderId", {"orderId": MISSING}, refusal=f"{sends}orderId: is missing")
-    yield Deviation("no nodeStates", {"nodeStates": MISSING}, refusal=f"{sends}nodeStates: is missing")
+    yield Deviation(
+        "no orderId, with an order either",
+        {"orderId": MISSING},
+        "state.orderId missing: replaced",
+        f"{sends}orderId: is missing",
+    )
+    yield Deviation(
+        "no nodeStates",
+        {"nodeStates": MISSING},
+        refusal=f"{sends}nodeStates: is missing",
+        seen=of_states(6),
+    )
     yield Deviation(
         "no batteryState",
         {"batteryState": MISSING},
         "state.batteryState missing: replaced",
         "must recharge first: critical energy",
+        seen=of_states(3),
     )
     yield Deviation(
         "no safetyState",
         {"safetyState": MISSING},
         "state.safetyState missing: replaced",
         "has an active emergency stop",
+        seen=of_states(9),
     )
     yield Deviation(
         "safetyState null",
@@ -321,7 +450,9 @@ def _unreadable() -> Iterator[Deviation]:
         "has an active emergency stop",
     )
     yield Deviation(
-        "version 3.0.0 on a topic of 2.x", {"version": "3.0.0"}, refusal=f"{sends}version: 3.0.0 is not"
+        "message of 3.0 on a topic of 2.x",
+        {"agvPosition": MISSING, "batteryState": MISSING, "powerSupply": {}},
+        refusal=f"{sends}message: has powerSupply, a field of VDA 5050 3.x",
     )
     yield Deviation("what is no JSON", refusal=f"{sends}message: Invalid JSON", raw=b"<state>")
 

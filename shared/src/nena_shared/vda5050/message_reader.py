@@ -21,6 +21,7 @@ from nena_shared.vda5050.repair import (
     Repairs,
     Scope,
     repair,
+    repair_order_id,
     repair_position,
     repairs_of,
     version_number,
@@ -89,6 +90,8 @@ class MessageReader:
         self._strict = strict
         self._readers: dict[str, _KnownReader] = {}
         """Keyed by topic."""
+        self._nameless: set[str] = set()
+        """Topics of robots that leave out the orderId of orders, not only where there is none."""
         self._in_degrees: set[str] = set()
         """Robots whose headings are in degrees, by their topics without the last level."""
         self.undated = False
@@ -167,6 +170,8 @@ class MessageReader:
             if stated and f"v{stated.partition('.')[0]}" != major_version:
                 content["version"] = codec.version
                 repairs["version", RepairKind.UNKNOWN_VERSION] = f"{stated}, read as {codec.version}"
+            if kind is State and topic not in self._nameless and not repair_order_id(content, repairs):
+                self._nameless.add(topic)
             if kind in RECORDED:
                 self._repair_position(topic, content, repairs)
             message = _repaired_in(kind, codec, content, repairs, only)
@@ -235,6 +240,7 @@ class MessageReader:
     def _learn_repairs(self, topic: str, reader: _KnownReader) -> None:
         if topic not in self._readers and len(self._readers) >= TOPICS_REMEMBERED:
             self._readers.clear()  # learnt again with the next messages
+            self._nameless.clear()
         previous = self._readers.get(topic)
         self._readers[topic] = reader
         if previous is not None and previous.version == reader.version:

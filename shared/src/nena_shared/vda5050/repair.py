@@ -250,8 +250,6 @@ def repair(
             content["timestamp"] = iso(unix_time or now)
             kind = RepairKind.TIME_OF_ARRIVAL if unix_time is None else RepairKind.UNIX_TIME
             repairs["timestamp", kind] = quoted(time)
-    if scope is Scope.REPORT and issubclass(form, State):
-        _repair_idle(content, repairs)
     for field in _fields_of(form, "", scope, only):
         try:
             field.apply(content, repairs)
@@ -262,15 +260,16 @@ def repair(
         del content["orderUpdateId"]  # a wrong number would look as if the robot had lost its order
 
 
-def _repair_idle(content: dict[str, Any], repairs: Repairs) -> None:
-    """Complete a state that says that the robot has no order: by its lists, or by its empty orderId."""
-    lists = [content.get(name, 0) for name in ("nodeStates", "edgeStates")]
-    if content.get("orderId") is None and all(each in ([], None) for each in lists):
+def repair_order_id(content: dict[str, Any], repairs: Repairs) -> bool:
+    """Complete a state that lacks an orderId because there is no order; return False if there is one."""
+    # a list that is not parsed yet tells nothing, nor do missing nodeStates
+    lists = content.get("nodeStates", ...), content.get("edgeStates")
+    if content.get("orderId") is not None:
+        return True
+    if all(each in ([], None) for each in lists):
         repairs["orderId", RepairKind.REPLACED] = "null" if "orderId" in content else "missing"
         content["orderId"] = ""
-    elif content.get("orderId") == "" and "nodeStates" not in content and not content.get("edgeStates"):
-        repairs["nodeStates", RepairKind.EMPTY_LIST] = "missing"
-        content["nodeStates"] = []
+    return not any(isinstance(each, list) and each for each in lists)
 
 
 POSITIONS: Final = frozenset({"agvPosition", "mobileRobotPosition"})
@@ -297,9 +296,10 @@ def repair_position(
             repairs[f"{name}.mapId", RepairKind.REPLACED] = received
             position["mapId"] = only_map
         theta = position.get("theta")
-        heading = _parse_number(theta) if isinstance(theta, str) else theta
-        is_number = type(heading) in (int, float) and _is_finite(heading)
-        if is_number and (in_degrees or abs(heading) > FULL_TURN):
+        heading: Any = _parse_number(theta) if isinstance(theta, str) else theta
+        if type(heading) not in (int, float) or not _is_finite(heading):
+            continue
+        if in_degrees or abs(heading) > FULL_TURN:
             position["theta"] = remainder(radians(heading), 2 * pi)
             repairs[f"{name}.theta", RepairKind.DEGREES] = quoted(theta)
             in_degrees = True

@@ -21,7 +21,7 @@ from nena_shared.vda5050.v2_0 import CODEC as CODEC_2_0
 from nena_shared.vda5050.v2_1 import CODEC as CODEC_2_1
 from nena_shared.vda5050.versions import codec_for
 from nena_shared.vda5050.visualization import Visualization
-from support.fleet_examples import connection, factsheet, header, position, state
+from support.fleet_examples import connection, factsheet, position, state, visualization
 
 TOPIC = "uagv/v2/ACME/r1/state"
 
@@ -197,11 +197,10 @@ KINDS: list[type[Header]] = [State, Connection, Visualization, Factsheet]
 
 def content_of(kind: type[Header], version: str) -> dict[str, Any]:
     """Return a message that conforms to a version."""
-    pose = {"mobile_robot_position": position(4.0, 0.0)}
     made: dict[type[Header], Header] = {
-        State: state(**pose),
+        State: state(mobile_robot_position=position(4.0, 0.0)),
         Connection: connection(),
-        Visualization: Visualization(**header(), reference_state_header_id=1, **pose),
+        Visualization: visualization(x=4.0),
         Factsheet: factsheet(),
     }
     return cast("dict[str, Any]", json.loads(codec_for(version).encode(made[kind])))

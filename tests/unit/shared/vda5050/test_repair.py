@@ -310,8 +310,7 @@ def test_what_makes_an_object_unreadable_is_named() -> None:
     [
         {"orderId": MISSING},
         {"orderId": None, "nodeStates": None},
-        {"orderId": "", "nodeStates": MISSING},
-        {"nodeStates": MISSING, "edgeStates": MISSING},
+        {"orderId": MISSING, "edgeStates": MISSING},
     ],
 )
 def test_a_state_that_says_that_there_is_no_order_is_read(idle: dict[str, Any], version: str) -> None:
@@ -327,11 +326,22 @@ def test_a_state_that_says_that_there_is_no_order_is_read(idle: dict[str, Any], 
 
 @pytest.mark.parametrize("path", ["orderId", "nodeStates"])
 def test_an_order_without_its_name_or_nodes_is_never_read_as_idle(path: str) -> None:
-    for others in ({}, {"edgeStates": []}, {"actionStates": []}):
-        content = {**STATE, "orderId": "o1", **others}
+    for name in ("headerId", "edgeStates", "actionStates"):
+        content = {**STATE, "orderId": "o1", name: STATE[name] if name == "headerId" else []}
         del content[path]
         with pytest.raises(MalformedMessageError, match=f"{path}: is missing"):
             read(json.dumps(content).encode())
+
+
+def test_a_robot_that_never_names_its_orders_is_not_idle_after_one() -> None:
+    reader, idle = MessageReader(), {**STATE, "nodeStates": [], "edgeStates": []}
+    del idle["orderId"]
+    working = {**STATE, "orderId": None}
+    for content in ({**STATE, "version": "1.3.2"}, {**idle, "version": "1.3.2"}, idle, idle):
+        assert reader.read(State, TOPIC, json.dumps(content).encode(), "v2").order_id == ""
+    for content in (working, idle):
+        with pytest.raises(MalformedMessageError, match="orderId"):
+            reader.read(State, TOPIC, json.dumps(content).encode(), "v2")
 
 
 def test_a_strict_reader_repairs_nothing() -> None:

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.stops import VehicleStop
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.vda5050.connection import ConnectionState
@@ -95,6 +96,14 @@ def test_vehicle_known_only_to_the_order_service_is_not_silent() -> None:
     condition, text = conclude(state=None, connection=None, fleet_remark="Never connected.")
     assert condition is Condition.OFFLINE
     assert text.startswith("Never connected")
+
+
+def test_unheard_robot_shows_the_similar_topic_on_which_a_message_came() -> None:
+    reason = Reason(ReasonCode.OTHER_TOPIC, topic="uagv/v2/ACME/R1/state", expected="uagv/v2/ACME/r1/state")
+    remark = {"fleet_remark": str(reason), "coded_remark": reason.coded}
+    condition, text = conclude(state=None, connection=None, **remark)
+    assert condition is Condition.OFFLINE
+    assert "'uagv/v2/ACME/R1/state' instead of 'uagv/v2/ACME/r1/state'" in text
 
 
 def test_no_state_that_could_be_read() -> None:

@@ -47,6 +47,7 @@ TEXTS = {
     "hibernating": "Hibernating since {since}; responds only to a wake-up command.",
     "broken": "Connection lost at {since}: no power, no network, or its agent stopped.",
     "unheard": "Never connected; known only from the plant model.",
+    "unheard_why": "{why}",
     "expected": "No state received yet; waiting for the first one for up to {limit} s.",
     "stateless": "No state received yet. Check that its agent runs and its VDA 5050 version is supported.",
     "unreadable": "Unreadable state: {problem}",
@@ -194,7 +195,7 @@ def _assess_stateless(inputs: ConditionInputs) -> Assessment:
         return Condition.ERROR, ConditionReason("unreadable", {"problem": inputs.problem})
     coded = inputs.coded_remark
     if inputs.fleet_remark and coded and coded.code == ReasonCode.OTHER_TOPIC:
-        return Condition.OFFLINE, ConditionReason("idle_why", {"why": inputs.fleet_remark}, coded=coded)
+        return Condition.OFFLINE, ConditionReason("unheard_why", {"why": inputs.fleet_remark}, coded=coded)
     if inputs.connection is None and inputs.fleet_remark is not None:
         return Condition.OFFLINE, ConditionReason("unheard")
     if not inputs.overdue:

@@ -53,7 +53,7 @@ export function filterOf(robot) {
   return robot.urgent ? "URGENT" : robot.condition;
 }
 
-const OF_ORDER_SERVICE = ["idle_why", "taken_out", "waits_passing", "waits_standing", "waits_turn", "waits_peripheral", "waits_other"];
+const OF_ORDER_SERVICE = ["idle_why", "unheard_why", "taken_out", "waits_passing", "waits_standing", "waits_turn", "waits_peripheral", "waits_other"];
 
 /** Return whether the reason for a robot's condition comes from the order service. */
 export function isOfOrderService(robot) {
@@ -61,7 +61,7 @@ export function isOfOrderService(robot) {
 }
 
 // Texts without the order service's English reason, by reason code.
-const WITHOUT_WORDS = { idle_why: "reason.idle", taken_out: "reason.taken_out.plain", waits_other: "reason.waits_with_order" };
+const WITHOUT_WORDS = { idle_why: "reason.idle", unheard_why: "reason.unheard", taken_out: "reason.taken_out.plain", waits_other: "reason.waits_with_order" };
 
 /** Return the reason for a robot's condition. */
 export function reasonOf(robot) {

@@ -313,6 +313,7 @@ export const TEXTS = {
   "reason.hibernating": "Im Ruhezustand seit {since}; reagiert nur auf einen Weckbefehl.",
   "reason.broken": "Verbindung um {since} abgebrochen: kein Strom, kein Netz oder Agent beendet.",
   "reason.unheard": "Nie verbunden; nur aus dem Anlagenmodell bekannt.",
+  "reason.unheard_why": "{why}",
   "reason.expected": "Noch kein Status empfangen; der erste wird innerhalb von {limit} s erwartet.",
   "reason.stateless": "Noch kein Status empfangen. Prüfen Sie, ob der Agent läuft und eine unterstützte VDA-5050-Version verwendet.",
   "reason.unreadable": "Unlesbarer Status: {problem}",

@@ -313,6 +313,7 @@ export const TEXTS = {
   "reason.hibernating": "Hibernating since {since}; responds only to a wake-up command.",
   "reason.broken": "Connection lost at {since}: no power, no network, or its agent stopped.",
   "reason.unheard": "Never connected; known only from the plant model.",
+  "reason.unheard_why": "{why}",
   "reason.expected": "No state received yet; waiting for the first one for up to {limit} s.",
   "reason.stateless": "No state received yet. Check that its agent is running and uses a supported VDA 5050 version.",
   "reason.unreadable": "Unreadable state: {problem}",

@@ -313,6 +313,7 @@ export const TEXTS = {
   "reason.hibernating": "In slaapstand sinds {since}; reageert alleen op een wekcommando.",
   "reason.broken": "Verbinding verbroken om {since}: geen stroom, geen netwerk, of de agent is gestopt.",
   "reason.unheard": "Nooit verbonden; alleen bekend uit het installatiemodel.",
+  "reason.unheard_why": "{why}",
   "reason.expected": "Nog geen status ontvangen; de eerste wordt binnen {limit} s verwacht.",
   "reason.stateless": "Nog geen status ontvangen. Controleer of de agent draait en een ondersteunde VDA 5050-versie gebruikt.",
   "reason.unreadable": "Onleesbare status: {problem}",
