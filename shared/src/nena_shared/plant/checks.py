@@ -1,16 +1,19 @@
 """Find errors and suspicious content (warnings) in plant models of any format."""
 
+import re
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Container, Iterator, Mapping
 from difflib import get_close_matches
+from itertools import chain
 from math import isnan
 from types import MappingProxyType
 from typing import Final
 
+from nena_shared.plant import driver_properties as driver
 from nena_shared.plant import property_keys as keys
 from nena_shared.plant.errors import ObjectKind, PlantProblem
 from nena_shared.plant.geometry import parse_transform
-from nena_shared.plant.model import NO_OPERATION, RECHARGE_OPERATION, PlantModel, transform_texts
+from nena_shared.plant.model import NO_OPERATION, RECHARGE_OPERATION, PlantModel, action_of, transform_texts
 from nena_shared.plant.track import BACKWARD_SUFFIX
 from nena_shared.plant_terms import PointType
 
@@ -78,33 +81,61 @@ _NUMBERS: Final = frozenset(
         keys.VDA5050_CORRIDOR_WIDTH,
     }
 )
-_TEXTS: Final = frozenset(
-    {
-        keys.PREFERRED_PARKING_POSITION,
-        keys.ASSIGNED_PARKING_POSITION,
-        keys.PREFERRED_RECHARGE_LOCATION,
-        keys.ASSIGNED_RECHARGE_LOCATION,
-        keys.ROUTING_GROUP,
-        keys.BLOCK_ENTRY_DIRECTION,
-        keys.VDA5050_INTERFACE_NAME,
-        keys.VDA5050_MANUFACTURER,
-        keys.VDA5050_SERIAL_NUMBER,
-        keys.VDA5050_VERSION,
-        keys.VDA5050_MAP_ID,
-        keys.VDA5050_RECHARGE_OPERATION,
-        keys.VDA5050_PARAMETERS_AS_TEXT,
-        keys.VDA5050_INSTANT_ACTIONS_KEY,
-        keys.VDA5050_KEEPS_LAST_NODE_STATES,
-        keys.VEHICLE_TYPE,
-        keys.ALLOWED_MAPS,
-        keys.ACCEPTABLE_ORDER_TYPES,
-    }
-)
 _COSTS: Final = (keys.ROUTING_COST_FORWARD, keys.ROUTING_COST_REVERSE)
 _FAMILIES: Final = (*_COSTS, keys.MAP_TRANSFORM)
-_KNOWN: Final = _NUMBERS | _TEXTS | frozenset(_COSTS)
+_DEVIATIONS: Final = (keys.VDA5050_DEVIATION_XY, keys.VDA5050_DEVIATION_THETA)
+_DIRECTIONS: Final = ("forward", "reverse")
+_HEEDED: Final = MappingProxyType(
+    {
+        ObjectKind.POINT: (keys.PARKING_POSITION_PRIORITY, keys.VDA5050_MAP_ID, *_DEVIATIONS),
+        ObjectKind.PATH: (
+            *_COSTS,
+            keys.BLOCK_ENTRY_DIRECTION,
+            driver.ACTION_TAGS,
+            *(driver.ORIENTATION + direction for direction in _DIRECTIONS),
+            *(driver.ROTATION_ALLOWED + direction for direction in _DIRECTIONS),
+        ),
+        ObjectKind.VEHICLE: (
+            *_DEVIATIONS,
+            keys.PREFERRED_PARKING_POSITION,
+            keys.ASSIGNED_PARKING_POSITION,
+            keys.PREFERRED_RECHARGE_LOCATION,
+            keys.ASSIGNED_RECHARGE_LOCATION,
+            keys.ROUTING_GROUP,
+            keys.VDA5050_INTERFACE_NAME,
+            keys.VDA5050_MANUFACTURER,
+            keys.VDA5050_SERIAL_NUMBER,
+            keys.VDA5050_VERSION,
+            keys.VDA5050_MAP_ID,
+            keys.VDA5050_CORRIDOR_WIDTH,
+            keys.VDA5050_RECHARGE_OPERATION,
+            keys.VDA5050_PARAMETERS_AS_TEXT,
+            keys.VDA5050_INSTANT_ACTIONS_KEY,
+            keys.VDA5050_KEEPS_LAST_NODE_STATES,
+            keys.VEHICLE_TYPE,
+            keys.ALLOWED_MAPS,
+            keys.ACCEPTABLE_ORDER_TYPES,
+            driver.ACTION_TAGS,
+            driver.TOPIC_PREFIX,
+            driver.MAX_STEPS_BASE,
+            driver.MAX_DISTANCE_BASE,
+            driver.LENGTH_LOADED,
+            driver.LENGTH_UNLOADED,
+        ),
+    }
+)
+"""Properties that NeNa acts on, by kind of object, beside :data:`driver.FAMILIES`."""
+_KNOWN: Final = frozenset(chain.from_iterable(_HEEDED.values()))
 _FOLDED: Final = MappingProxyType({key.casefold(): key for key in _KNOWN})
 _SIMILARITY: Final = 0.9
+_SEGMENTS: Final = MappingProxyType({part.casefold(): part for part in driver.SEGMENTS})
+_SIMILAR_SEGMENT: Final = 0.8
+_OF_OTHER_SOFTWARE: Final = re.compile(
+    r"tcs:(default\w+Symbol|preferredAdapterClass|modelFileLastModified|loopbackPeripheral)"
+    r"|vda5050:(errors|information|paused)\b.*"
+)
+"""What openTCS's editor and kernel write for themselves: drawing, adapters, and states of vehicles."""
+_MAY_BE_EMPTY: Final = (driver.ACTION_TAGS, driver.ACTION, driver.DESTINATION_ACTION)
 
 _References = Mapping[str, Callable[[PlantModel], Container[str]]]
 _REFERENCES: Final[_References] = MappingProxyType(
@@ -119,18 +150,48 @@ _REFERENCES: Final[_References] = MappingProxyType(
 
 
 def find_property_warnings(model: PlantModel) -> Iterator[PlantProblem]:
-    """Yield suspicious properties of all objects, and a missing recharge operation."""
+    """Yield suspicious properties of all objects, and missing recharge operations."""
+    unheeded: defaultdict[tuple[ObjectKind, str], list[str]] = defaultdict(list)
     for kind, name, properties in _all_properties(model):
         for key, value in properties.items():
+            if not _is_heeded(kind, key):
+                unheeded[kind, key].append(name)
+                continue
             for code, text in _check_property(model, key, value):
                 yield PlantProblem(code, kind, name, text)
+            if vain := _vain_reference(model, kind, name, key, properties):
+                text = f"property {key!r} refers to {vain}"
+                yield PlantProblem("PROPERTY_NAMES_NOTHING", kind, name, text)
+    for (kind, key), names in unheeded.items():
+        count = f"(found {len(names)} times)"
+        if meant := _intended_key(kind, key):
+            text = f"unknown property {key!r} {count}; did you mean {meant!r}?"
+            yield PlantProblem("MISSPELT_PROPERTY", kind, names[0], text)
+        elif key.startswith(_PREFIXES[:2]):
+            text = f"property {key!r} {count}: kept, without effect"
+            yield PlantProblem("NOT_HEEDED", kind, names[0], text)
+    yield from _recharge_warnings(model)
+
+
+def _recharge_warnings(model: PlantModel) -> Iterator[PlantProblem]:
     operations = {operation for kind in model.location_types for operation in kind.allowed_operations}
-    if model.vehicles and RECHARGE_OPERATION not in operations:
-        # openTCS's operations are free texts, and "CHARGE" is often meant to be the one that recharges
-        similar = sorted(name for name in operations if name.casefold() == RECHARGE_OPERATION.casefold())
+    for wanted, name in {
+        vehicle.properties.get(keys.VDA5050_RECHARGE_OPERATION, ""): vehicle.name
+        for vehicle in reversed(model.vehicles)
+    }.items():
+        charge = action_of(RECHARGE_OPERATION)
+        if wanted in operations or (not wanted and charge in map(action_of, operations)):
+            continue
+        # openTCS's operations are free texts, and names in other letters are often meant to recharge
+        meant = (wanted or RECHARGE_OPERATION).casefold()
+        similar = sorted(each for each in operations if each.casefold() == meant)
         hint = f" ({similar[0]!r} is a different operation: names are case-sensitive)" if similar else ""
-        text = f"no location type allows {RECHARGE_OPERATION!r}, so vehicles are never recharged{hint}"
-        yield PlantProblem("NO_RECHARGE_OPERATION", ObjectKind.MODEL, model.name, text)
+        if wanted:
+            text = f"no location type allows its {keys.VDA5050_RECHARGE_OPERATION} {wanted!r}, so it is never"
+            yield PlantProblem("NO_RECHARGE_OPERATION", ObjectKind.VEHICLE, name, f"{text} recharged{hint}")
+        else:
+            text = f"no location type allows {RECHARGE_OPERATION!r}, so vehicles are never recharged{hint}"
+            yield PlantProblem("NO_RECHARGE_OPERATION", ObjectKind.MODEL, model.name, text)
 
 
 def _all_properties(model: PlantModel) -> Iterator[tuple[ObjectKind, str, Mapping[str, str]]]:
@@ -143,30 +204,60 @@ def _all_properties(model: PlantModel) -> Iterator[tuple[ObjectKind, str, Mappin
     yield from ((ObjectKind.VEHICLE, vehicle.name, vehicle.properties) for vehicle in model.vehicles)
 
 
+def _is_heeded(kind: ObjectKind, key: str) -> bool:
+    """Return whether NeNa acts on a property, or it belongs to other software."""
+    # openTCS: properties are free, and other programs have their own
+    if not key.strip().casefold().startswith(_PREFIXES):
+        return True
+    if key in _HEEDED.get(kind, ()) or _OF_OTHER_SOFTWARE.fullmatch(key):
+        return True
+    if key.startswith(_FAMILIES):
+        return kind is (ObjectKind.MODEL if key.startswith(keys.MAP_TRANSFORM) else ObjectKind.PATH)
+    if key.startswith(driver.OPTIONAL_PARAMETERS):
+        field = key.removeprefix(driver.OPTIONAL_PARAMETERS)
+        return kind is ObjectKind.VEHICLE and field in driver.OPTIONAL_FIELDS
+    return kind in driver.FAMILIES and bool(driver.FAMILIES[kind].fullmatch(key))
+
+
+def _vain_reference(
+    model: PlantModel, kind: ObjectKind, name: str, key: str, properties: Mapping[str, str]
+) -> str | None:
+    if kind is ObjectKind.VEHICLE or not key.startswith((driver.ACTION, driver.DESTINATION_ACTION)):
+        return None
+    type_name = model.locations_by_name[name].type if kind is ObjectKind.LOCATION else name
+    own_type = model.location_types_by_name.get(type_name)
+    return driver.names_nothing(key, properties, own_type.allowed_operations if own_type else ())
+
+
 def _check_property(model: PlantModel, key: str, value: str) -> Iterator[tuple[str, str]]:
-    if meant := _intended_key(key):
-        yield "MISSPELT_PROPERTY", f"unknown property {key!r}; did you mean {meant!r}?"
     if not value.strip():
-        yield "EMPTY_PROPERTY", f"property {key!r} has no value"
+        if not key.startswith(_MAY_BE_EMPTY):
+            yield "EMPTY_PROPERTY", f"property {key!r} has no value"
     elif (key in _NUMBERS or key.startswith(_COSTS)) and not _is_number(value):
         yield "PROPERTY_NOT_A_NUMBER", f"property {key!r} is {value!r}; it must be a number of at least 0"
+    elif wanted := driver.find_fault(key, value):
+        yield "PROPERTY_UNREADABLE", f"property {key!r} is {value!r}; it must be {wanted}: it has no effect"
     elif key == keys.VEHICLE_TYPE and not model.vehicle_types:
         return  # a type that no point or path names may use them all, as in models without LIF
     elif key in _REFERENCES and value not in _REFERENCES[key](model):
         yield "PROPERTY_NAMES_NOTHING", f"property {key!r} refers to unknown {value!r}"
 
 
-def _intended_key(key: str) -> str | None:
-    """Return the key that was probably intended; None for known keys and keys of other software."""
-    if key in _KNOWN or key.startswith(_FAMILIES):
-        return None
+def _intended_key(kind: ObjectKind, key: str) -> str | None:
+    """Return the key that was probably intended; None: unknown, or one of other objects."""
     if key != key.strip():
         return key.strip()
-    # openTCS: properties are free, and other programs have their own
-    if not key.casefold().startswith(_PREFIXES):
+    if key in _KNOWN or key.startswith(_FAMILIES):
         return None
-    similar = get_close_matches(key.casefold(), _FOLDED, n=1, cutoff=_SIMILARITY)
-    return _FOLDED[similar[0]] if similar else None
+    if similar := get_close_matches(key.casefold(), _FOLDED, n=1, cutoff=_SIMILARITY):
+        return _FOLDED[similar[0]]
+    close = (
+        get_close_matches(part.casefold(), _SEGMENTS, n=1, cutoff=_SIMILAR_SEGMENT) for part in key.split(".")
+    )
+    meant = ".".join(
+        _SEGMENTS[found[0]] if found else part for found, part in zip(close, key.split("."), strict=True)
+    )
+    return meant if meant != key and _is_heeded(kind, meant) else None
 
 
 def _is_number(value: str) -> bool:

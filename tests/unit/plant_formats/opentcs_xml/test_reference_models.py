@@ -58,7 +58,6 @@ def test_demo_is_strongly_connected_and_warns_of_its_traps() -> None:
     assert codes(DEMO) == [
         ("LOCATION_WITHOUT_LINK", "Fire door 01"),
         ("MISSPELT_PROPERTY", "Vehicle-01-VDA5050-2.0"),
-        ("NO_RECHARGE_OPERATION", "Demo-01"),
     ]
     model = report(DEMO).model
     assert sum(point.type is PointType.PARK_POSITION for point in model.points) == 5

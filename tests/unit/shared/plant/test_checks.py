@@ -134,7 +134,6 @@ def with_property(key: str, value: str) -> PlantModel:
         ("vda5050:mapId", " ", "EMPTY_PROPERTY"),
         ("vda5050:deviationXY", "half a metre", "PROPERTY_NOT_A_NUMBER"),
         ("vda5050:deviationXY", "-1", "PROPERTY_NOT_A_NUMBER"),
-        ("tcs:routingCostForwardWIDE", "nan", "PROPERTY_NOT_A_NUMBER"),
         ("tcs:assignedParkingPosition", "B", "PROPERTY_NAMES_NOTHING"),
         ("tcs:preferredRechargeLocation", "A", "PROPERTY_NAMES_NOTHING"),
     ],
@@ -149,7 +148,6 @@ def test_suspicious_properties(key: str, value: str, code: str) -> None:
     ("key", "value"),
     [
         ("vda5050:deviationXY", "0.5"),
-        ("tcs:routingCostReverse", "Infinity"),
         ("tcs:assignedParkingPosition", "A"),
         ("tcs:preferredRechargeLocation", "Dock"),
         ("vda5050:maxStepsBase", "3"),
@@ -173,12 +171,123 @@ def test_properties_of_all_kinds_of_object_are_looked_at() -> None:
 
 
 def test_missing_charging_location_is_reported_if_there_are_vehicles() -> None:
-    loading = LocationType(name="T", allowed_operations=("CHARGE",))
+    loading = LocationType(name="T", allowed_operations=("charge",))
     model = plant(vehicles=(Vehicle(name="V"),), location_types=(loading,))
     (found,) = find_property_warnings(model)
     assert found.code == "NO_RECHARGE_OPERATION"
-    assert "'CHARGE' is a different operation" in found.text
+    assert "'charge' is a different operation" in found.text
     assert list(find_property_warnings(plant(location_types=(loading,)))) == []
+
+
+@pytest.mark.parametrize(
+    ("own", "allowed", "name"),
+    [
+        ("CHARGE", "CHARGE", None),
+        ("Lade", "Lade", None),
+        (None, "CHARGE", None),  # an operation that recharges by default
+        ("CHARGE", "Charge", "V"),
+        ("Charge:50", "Charge", "V"),
+        (None, "Charge:50", "test"),
+    ],
+)
+def test_each_vehicle_has_an_operation_that_recharges_it(
+    own: str | None, allowed: str, name: str | None
+) -> None:
+    vehicle = Vehicle(name="V", properties={"vda5050:rechargeOperation": own} if own else {})
+    allowing = LocationType(name="T", allowed_operations=(allowed,))
+    found = list(find_property_warnings(plant(vehicles=(vehicle,), location_types=(allowing,))))
+    assert [(each.code, each.name) for each in found] == ([("NO_RECHARGE_OPERATION", name)] if name else [])
+    assert not own or all(repr(own) in each.text for each in found)
+
+
+def keyed(of: str, **properties: str) -> PlantModel:
+    """Return a plant whose objects of one kind have these properties; ``_`` stands for a dot."""
+    given = {of: {f"vda5050:{name}".replace("_", "."): value for name, value in properties.items()}}
+    return PlantModel(
+        name="m",
+        points=(point("A", properties=given.get("point", {})), point("B", properties=given.get("point", {}))),
+        paths=(path("A B", properties=given.get("path", {})), path("B A")),
+        location_types=(
+            LocationType(
+                name="T", allowed_operations=("Charge", "Load.Now"), properties=given.get("type", {})
+            ),
+        ),
+        locations=(Location(name="L", type="T", properties=given.get("location", {})),),
+        vehicles=(Vehicle(name="V", properties=given.get("vehicle", {})),),
+    )
+
+
+ACTS = {"action_01": "beep", "action_01_blockingType": "SOFT", "action_01_parameter_x": "float:1.5"}
+
+
+@pytest.mark.parametrize(
+    ("of", "properties"),
+    [
+        ("point", {**ACTS, "action_01_when": "PASSING | ORDER_END", "action_01_tags": "a|b"}),
+        ("point", {"deviationXY": "0.2", "deviationTheta": "5", "mapId": "hall"}),
+        (
+            "path",
+            {**ACTS, "actionTags": "", "orientation_forward": "-90.5", "rotationAllowed_reverse": "TRUE"},
+        ),
+        ("location", {**ACTS, "destinationAction_Load_Now_parameter_a_b": "boolean:false"}),
+        ("type", {"destinationAction_Load_Now_blockingType": "HARD"}),
+        ("vehicle", {"action_open_door_blockingType": "HARD", "actionTags": "a | b", "maxStepsBase": "1"}),
+        ("vehicle", {"optionalParams_order_edges_maxSpeed": "NOT_SUPPORTED", "maxDistanceBase": "5000"}),
+        ("vehicle", {"vehicleLengthLoaded": "2400", "topicPrefix": "a/b", "errors_fatal": "x"}),
+    ],
+)
+def test_keys_of_the_driver_that_have_an_effect(of: str, properties: dict[str, str]) -> None:
+    assert list(find_property_warnings(keyed(of, **properties))) == []
+
+
+@pytest.mark.parametrize(
+    ("of", "properties", "code", "word"),
+    [
+        ("vehicle", {"maxStepsHorizon": "3"}, "NOT_HEEDED", "found 1 times"),
+        ("point", {"topicStateQos": "1"}, "NOT_HEEDED", "found 2 times"),
+        ("point", {"orientation_forward": "1"}, "NOT_HEEDED", "found 2 times"),
+        ("path", {"deviationXY": "1"}, "NOT_HEEDED", "found 1 times"),
+        ("vehicle", {"optionalParams_order_edges_colour": "NOT_SUPPORTED"}, "NOT_HEEDED", "colour"),
+        ("vehicle", {"somethingElse": "1"}, "NOT_HEEDED", "somethingElse"),
+        ("path", {"orientation_foward": "1"}, "MISSPELT_PROPERTY", "'vda5050:orientation.forward'"),
+        ("vehicle", {"maxDistancebase": "1"}, "MISSPELT_PROPERTY", "'vda5050:maxDistanceBase'"),
+        (
+            "point",
+            {"action_01": "beep", "action_01_blockingtype": "NONE"},
+            "MISSPELT_PROPERTY",
+            "(found 2 times); did you mean 'vda5050:action.01.blockingType'",
+        ),
+        (
+            "location",
+            {"destinationAktion_Charge_parameter_x": "1"},
+            "MISSPELT_PROPERTY",
+            "'vda5050:destinationAction.Charge.parameter.x'",
+        ),
+        ("path", {"orientation_forward": "left"}, "PROPERTY_UNREADABLE", "'left'; it must be a number"),
+        ("path", {"orientation_forward": "nan"}, "PROPERTY_UNREADABLE", "'nan'"),
+        ("path", {"rotationAllowed_forward": "no"}, "PROPERTY_UNREADABLE", "true or false"),
+        ("path", {"action_1": "x", "action_1_blockingType": "hard"}, "PROPERTY_UNREADABLE", "NONE, SOFT"),
+        ("path", {"action_1": "x", "action_1_when": "ALWAYS"}, "PROPERTY_UNREADABLE", "PASSING"),
+        ("path", {"action_1": "x", "action_1_parameter_n": "integer:1.5"}, "PROPERTY_UNREADABLE", "colon"),
+        ("vehicle", {"maxStepsBase": "0"}, "PROPERTY_UNREADABLE", "whole number"),
+        ("vehicle", {"vehicleLengthLoaded": "2.4"}, "PROPERTY_UNREADABLE", "whole number"),
+        ("vehicle", {"optionalParams_order_edges_maxSpeed": "no"}, "PROPERTY_UNREADABLE", "REQUIRED"),
+        ("point", {"action_2_blockingType": "HARD"}, "PROPERTY_NAMES_NOTHING", "'vda5050:action.2'"),
+        ("location", {"destinationAction_Laod_parameter_x": "1"}, "PROPERTY_NAMES_NOTHING", "operation"),
+    ],
+)
+def test_keys_of_the_driver_without_effect_are_found(
+    of: str, properties: dict[str, str], code: str, word: str
+) -> None:
+    found = list(find_property_warnings(keyed(of, **properties)))
+    assert {each.code for each in found} == {code}
+    assert word in found[0].text
+    assert code not in ("NOT_HEEDED", "MISSPELT_PROPERTY") or len(found) == 1
+
+
+@pytest.mark.parametrize("key", ["tcs:vehicleDataTransformer", "tcs:coordinateSystemMapper.translation.x"])
+def test_keys_of_opentcs_without_effect_are_found(key: str) -> None:
+    assert [each.code for each in find_property_warnings(with_property(key, "1"))] == ["NOT_HEEDED"]
 
 
 @pytest.mark.parametrize(
