@@ -31,7 +31,7 @@ from nena_shared.vda5050.message_reader import MessageReader
 from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.robot_sources import RobotSources
 from nena_shared.vda5050.state import State
-from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+from nena_shared.vda5050.topics import DEFAULT_MANUFACTURER, RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator.fleet import messages
 from nena_status_aggregator.fleet.messages import NO_TIME, MessageKind, Verdict
@@ -352,9 +352,17 @@ def schemes(settings: AggregatorSettings) -> tuple[TopicScheme, ...]:
 
 
 def schemes_of(vehicles: Iterable[Vehicle]) -> tuple[TopicScheme, ...]:
-    """Return the topic schemes of the vehicles' interface names; invalid names are skipped."""
-    names = dict.fromkeys(vehicle.interface_name for vehicle in vehicles if vehicle.interface_name)
-    return tuple(TopicScheme(name, major) for name in names if _is_prefix(name) for major in ("v2", "v3"))
+    """Return the topic schemes of the vehicles' prefixes and interface names; invalid ones are skipped."""
+    found: dict[TopicScheme, None] = {}
+    for vehicle in vehicles:
+        if (prefix := vehicle.topic_prefix) and _is_prefix(prefix):
+            robot = RobotKey(
+                vehicle.manufacturer or DEFAULT_MANUFACTURER, vehicle.serial_number or vehicle.name
+            )
+            found[TopicScheme.below(prefix, vehicle.protocol_version, robot)] = None
+        elif (name := vehicle.interface_name) and _is_prefix(name):
+            found |= dict.fromkeys(TopicScheme(name, major) for major in ("v2", "v3"))
+    return tuple(found)
 
 
 def _is_prefix(name: str) -> bool:

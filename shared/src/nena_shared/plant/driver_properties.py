@@ -17,6 +17,7 @@ from nena_shared.plant.track import (
     TypeActionParameter,
 )
 
+DRIVER_PREFIX: Final = "vda5050:"
 ACTION: Final = "vda5050:action."
 """Point, path, location: followed by an index. Vehicle: by an action type and `.blockingType`."""
 ACTION_TAGS: Final = "vda5050:actionTags"

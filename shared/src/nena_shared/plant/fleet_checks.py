@@ -6,6 +6,7 @@ from typing import Final
 from pydantic import TypeAdapter, ValidationError
 
 from nena_shared.plant import property_keys as keys
+from nena_shared.plant.driver_properties import TOPIC_PREFIX
 from nena_shared.plant.errors import ObjectKind, PlantProblem
 from nena_shared.plant.model import PlantModel, Vehicle
 from nena_shared.settings import TopicPrefix
@@ -14,7 +15,7 @@ from nena_shared.vda5050.versions import UnknownVersionError, codec_named
 KEY_LENGTH: Final = 400
 """Maximum length of manufacturer and serial number with a separator, characters, in the store."""
 
-_INTERFACE_NAME: Final[TypeAdapter[str | None]] = TypeAdapter(TopicPrefix | None)
+_TOPIC_PREFIX: Final[TypeAdapter[str | None]] = TypeAdapter(TopicPrefix | None)
 
 
 def find_fleet_errors(model: PlantModel) -> tuple[PlantProblem, ...]:
@@ -23,6 +24,7 @@ def find_fleet_errors(model: PlantModel) -> tuple[PlantProblem, ...]:
     if not model.points:
         problems.append(PlantProblem("NO_POINTS", ObjectKind.MODEL, model.name, "has no points"))
     owners: dict[str, str] = {}
+    users: dict[str, str] = {}
     for vehicle in model.vehicles:
         serial = vehicle.serial_number or vehicle.name
         problems += _topic_errors(vehicle, serial)
@@ -34,6 +36,10 @@ def find_fleet_errors(model: PlantModel) -> tuple[PlantProblem, ...]:
                 f"change one by the property {keys.VDA5050_SERIAL_NUMBER}"
             )
             problems.append(PlantProblem("SAME_SERIAL_NUMBER", ObjectKind.VEHICLE, vehicle.name, text))
+        prefix = vehicle.topic_prefix
+        if prefix and (owner := users.setdefault(prefix, vehicle.name)) != vehicle.name:
+            text = f"{owner!r} has the same {TOPIC_PREFIX} {prefix!r}; each vehicle needs topics of its own"
+            problems.append(PlantProblem("NOT_IN_TOPICS", ObjectKind.VEHICLE, vehicle.name, text))
     return tuple(problems)
 
 
@@ -53,9 +59,10 @@ def _topic_errors(vehicle: Vehicle, serial: str) -> Iterator[PlantProblem]:
         codec_named(vehicle.properties.get(keys.VDA5050_VERSION) or "2.1.0")
     except UnknownVersionError as error:
         yield PlantProblem("UNKNOWN_VDA5050_VERSION", kind, name, f"{keys.VDA5050_VERSION}: {error}")
-    try:
-        _INTERFACE_NAME.validate_python(vehicle.interface_name or None)
-    except ValidationError as error:
-        problem = error.errors()[0]["msg"].removeprefix("Value error, ")
-        text = f"{keys.VDA5050_INTERFACE_NAME} is {vehicle.interface_name!r}: {problem}"
-        yield PlantProblem("NOT_IN_TOPICS", kind, name, text)
+    for key in (keys.VDA5050_INTERFACE_NAME, TOPIC_PREFIX):
+        try:
+            _TOPIC_PREFIX.validate_python(vehicle.properties.get(key) or None)
+        except ValidationError as error:
+            problem = error.errors()[0]["msg"].removeprefix("Value error, ")
+            text = f"{key} is {vehicle.properties[key]!r}: {problem}"
+            yield PlantProblem("NOT_IN_TOPICS", kind, name, text)

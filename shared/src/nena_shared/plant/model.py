@@ -3,12 +3,13 @@
 from collections.abc import Iterator, Mapping
 from enum import StrEnum
 from functools import cached_property
-from math import isfinite, radians
+from math import radians
 from types import MappingProxyType
 from typing import Final, Self, TypeVar
 
 from pydantic import Field, model_validator
 
+from nena_shared.plant import driver_properties as driver
 from nena_shared.plant import property_keys as keys
 from nena_shared.plant.errors import ObjectKind, UnknownObjectError
 from nena_shared.plant.geometry import Box, MapTransform, PlanarIndex, parse_transform
@@ -23,6 +24,7 @@ from nena_shared.plant.track import (
     PlantRecord,
     PlantVertex,
     Point,
+    deviation_of,
 )
 
 
@@ -146,6 +148,34 @@ class Vehicle(PlantRecord):
         return self.properties.get(keys.VDA5050_INTERFACE_NAME)
 
     @property
+    def topic_prefix(self) -> str | None:
+        """What the robot's topics begin with instead of its interface name, version and robot, if set."""
+        return self.properties.get(driver.TOPIC_PREFIX)
+
+    @property
+    def omitted_fields(self) -> tuple[str, ...]:
+        """Fields that orders for the robot must not have, by their names in VDA 5050 2.x."""
+        prefix = driver.OPTIONAL_PARAMETERS
+        fields = (
+            key.removeprefix(prefix)
+            for key, value in self.properties.items()
+            if key.startswith(prefix) and value == driver.NOT_SUPPORTED
+        )
+        return tuple(field for field in fields if field in driver.OPTIONAL_FIELDS)
+
+    def length_mm(self, *, loaded: bool) -> int:
+        """Length with or without a load, mm."""
+        key = driver.LENGTH_LOADED if loaded else driver.LENGTH_UNLOADED
+        return driver.read_count(self.properties.get(key, "")) or self.bounding_box.length_mm
+
+    @property
+    def base_limits(self) -> tuple[int | None, int | None]:
+        """Steps that the robot takes in its base, and mm after which it takes no further one; None: any."""
+        texts = (self.properties.get(key, "") for key in (driver.MAX_STEPS_BASE, driver.MAX_DISTANCE_BASE))
+        steps, length_mm = map(driver.read_count, texts)
+        return steps, length_mm
+
+    @property
     def protocol_version(self) -> str | None:
         """VDA 5050 version of the robot, if set."""
         return self.properties.get(keys.VDA5050_VERSION)
@@ -192,28 +222,21 @@ class Vehicle(PlantRecord):
     @property
     def deviation_xy_m(self) -> float | None:
         """Allowed deviation from node positions, metres; None if unset or invalid."""
-        return self._non_negative(keys.VDA5050_DEVIATION_XY)
+        return deviation_of(self.properties, keys.VDA5050_DEVIATION_XY)
 
     @property
     def deviation_theta_rad(self) -> float | None:
         """Allowed deviation from node headings, radians (property: degrees); None if unset or invalid."""
-        degrees = self._non_negative(keys.VDA5050_DEVIATION_THETA)
+        degrees = deviation_of(self.properties, keys.VDA5050_DEVIATION_THETA)
         return None if degrees is None else radians(degrees)
 
     @property
     def corridor_width_m(self) -> float | None:
         """Maximum corridor width, metres to each side; None if unset or invalid."""
-        return self._non_negative(keys.VDA5050_CORRIDOR_WIDTH)
+        return deviation_of(self.properties, keys.VDA5050_CORRIDOR_WIDTH)
 
     def _is_set(self, key: str) -> bool:
         return self.properties.get(key, "").strip().lower() == "true"
-
-    def _non_negative(self, key: str) -> float | None:
-        try:
-            value = float(self.properties[key])
-        except (KeyError, ValueError):
-            return None
-        return value if isfinite(value) and value >= 0 else None
 
 
 class Layer(PlantRecord):

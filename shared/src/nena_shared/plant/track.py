@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from math import cos, radians
+from math import cos, isfinite, radians
 from typing import Annotated, Final
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -274,6 +274,15 @@ class VehicleTypeOnPath(PlantRecord):
         return self.orientation_type is PathOrientationType.TANGENTIAL and cos(orientation) < 0
 
 
+def deviation_of(properties: Mapping[str, str], key: str) -> float | None:
+    """Return a property's value; None if it is unset or no finite number of at least 0."""
+    try:
+        value = float(properties[key])
+    except (KeyError, ValueError):
+        return None
+    return value if isfinite(value) and value >= 0 else None
+
+
 class Point(PlantRecord):
     """A point of the plant; `orientation_deg` None: any heading."""
 
@@ -294,6 +303,17 @@ class Point(PlantRecord):
     def map_id(self) -> str | None:
         """MapId of the point (property `vda5050:mapId`); None: the map of each vehicle."""
         return self.properties.get(keys.VDA5050_MAP_ID)
+
+    @property
+    def deviation_xy_m(self) -> float | None:
+        """Allowed deviation from the position, metres; None: that of each vehicle."""
+        return deviation_of(self.properties, keys.VDA5050_DEVIATION_XY)
+
+    @property
+    def deviation_theta_rad(self) -> float | None:
+        """Allowed deviation from the heading, radians (property: degrees); None: that of each vehicle."""
+        degrees = deviation_of(self.properties, keys.VDA5050_DEVIATION_THETA)
+        return None if degrees is None else radians(degrees)
 
     @property
     def x_m(self) -> float:

@@ -115,6 +115,8 @@ class Edge(WireObject):
     length: NotNegative | None = None
     corridor: Corridor | None = None
     actions: tuple[Action, ...]
+    turns_as_planned: bool | None = None
+    """Fleet control's own, never sent: orientation and rotation are for every robot, whatever it lists."""
 
 
 class Order(CommandHeader):

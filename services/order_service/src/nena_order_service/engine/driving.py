@@ -571,16 +571,18 @@ class Driving:
         """Allocate as far ahead as the settings require; ``more``: at least this many additional nodes."""
         name, settings = vehicle.name, self._context.settings
         ahead = more and self._traffic.scheduler.occupant(name).ahead + more
+        limits = vehicle.model.base_limits if vehicle.model else (None, None)
         if settings.release_ahead or not settings.release_seconds:
             nodes = settings.release_ahead and (ahead or settings.release_ahead)
-            return self._traffic.allocate(name, nodes, gate=gate)
+            return self._traffic.allocate(name, nodes, gate=gate, limits=limits)
         factsheet = self._context.view(vehicle).factsheet
         robot_speed = factsheet.physical_parameters.maximum_speed * MM_PER_M if factsheet else 0.0
         # A default of the plant model is not a statement about the vehicle.
         stated = vehicle.model and "max_velocity_mm_s" in vehicle.model.model_fields_set
         model_speed = vehicle.model.max_velocity_mm_s if vehicle.model and stated else 0
         speed = min((speed for speed in (robot_speed, model_speed) if speed > 0), default=UNKNOWN_SPEED_MM_S)
-        return self._traffic.allocate(name, ahead, settings.release_seconds * speed, gate)
+        length_mm = settings.release_seconds * speed
+        return self._traffic.allocate(name, ahead, length_mm, gate, limits=limits)
 
     def send_update(self, drive: Drive) -> None:
         """Send a robot the update of its VDA order after the commit."""

@@ -75,11 +75,11 @@ class Positions:
         standing = self._read_standing(vehicle, view, sighting)
         # The planner returns the same object for a position that has not changed.
         stayed = previous is not None and previous.standing is standing and previous.moving is moving
+        box = box_of(vehicle, view.state)
+        stayed = stayed and box.length_mm == box_of(vehicle, previous and previous.state).length_mm
         if standing is None or (stayed and name in self._traffic):
             return False
-        changed = self._traffic.update_position(
-            name, _to_found(vehicle, standing), box_of(vehicle), moving=moving
-        )
+        changed = self._traffic.update_position(name, _to_found(vehicle, standing), box, moving=moving)
         if changed:
             self.store_held(vehicle)
         return changed
@@ -178,6 +178,16 @@ def _to_found(vehicle: FleetVehicle, standing: Standing) -> Found:
     return Found(standing.point, standing.on_point, place, pose.map_id)
 
 
-def box_of(vehicle: FleetVehicle) -> BoundingBox:
-    """Return the size of a vehicle; the default size if it is not in the plant model."""
-    return vehicle.model.bounding_box if vehicle.model else BoundingBox()
+def box_of(vehicle: FleetVehicle, state: State | None = None) -> BoundingBox:
+    """Return the size of a vehicle; the default size if it is not in the plant model.
+
+    Its length depends on whether it reports loads; if it does not, it is the greater one.
+    """
+    model = vehicle.model
+    if model is None:
+        return BoundingBox()
+    loads = state.loads if state else None
+    cases = (False, True) if loads is None else (bool(loads),)
+    length_mm = max(model.length_mm(loaded=case) for case in cases)
+    box = model.bounding_box
+    return box if box.length_mm == length_mm else box.model_copy(update={"length_mm": length_mm})

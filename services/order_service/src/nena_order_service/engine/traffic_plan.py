@@ -87,7 +87,8 @@ class TrafficPlans:
             in_all += seconds[-1]
             at = step.point
         ahead = route.way[route.reached : route.reached + len(seconds)]
-        return ExpectedDrive(held, ahead, allocated, tuple(seconds), box_of(vehicle).length_mm, refusal)
+        length_mm = box_of(vehicle, self._context.view(vehicle).state).length_mm
+        return ExpectedDrive(held, ahead, allocated, tuple(seconds), length_mm, refusal)
 
     def _left_mm(self, vehicle: FleetVehicle, step: ResourceSet) -> float:
         """Return the remaining length of the path to the next point, mm, by the robot's reported position."""

@@ -56,7 +56,7 @@ def fitted_order(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
         # 6.1.4: a robot may refuse an order with fields that it does not support. Those that only refine the
         # drive are not worth that.
         nothing = {"maximum_speed": None, **dict.fromkeys(_RULED.values())}
-        edges = tuple(_with_changes(edge, nothing) for edge in vda_order.edges)
+        edges = tuple(_with_changes(edge, _with_planned_turns(edge, nothing)) for edge in vda_order.edges)
         return VdaOrder(order_id=vda_order.order_id, nodes=vda_order.nodes, edges=edges)
     rules, nodes = _EdgeRules.from_abilities(abilities), list[Node]()
     previous: Node | None = None
@@ -151,7 +151,7 @@ def _fitted_position(
 
 
 def _fitted_edge(edge: Edge, ends: _Ends, abilities: Abilities, rules: _EdgeRules) -> Edge:
-    changes: dict[str, object] = dict.fromkeys(rules.unlisted)
+    changes = _with_planned_turns(edge, dict.fromkeys(rules.unlisted))
     if edge.actions:
         changes["actions"] = tuple(_fitted_in_order(action, abilities) for action in edge.actions)
     if edge.maximum_speed is not None and not _limits_speed(edge.maximum_speed, abilities):
@@ -164,6 +164,14 @@ def _fitted_edge(edge: Edge, ends: _Ends, abilities: Abilities, rules: _EdgeRule
     return _with_changes(edge, changes)
 
 
+def _with_planned_turns(edge: Edge, changes: dict[str, object]) -> dict[str, object]:
+    """Return changes that leave the orientation and rotation that properties of the path set."""
+    if not edge.turns_as_planned:
+        return changes
+    return {**{name: each for name, each in changes.items() if name not in _TURNS}, "turns_as_planned": None}
+
+
+_TURNS: Final = ("orientation", "reach_orientation_before_entering")
 _RULED: Final[Mapping[str, str]] = MappingProxyType(
     {
         "edges.orientation": "orientation",

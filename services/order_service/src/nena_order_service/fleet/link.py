@@ -33,7 +33,9 @@ from nena_shared.fleet_api.topics import level_of
 from nena_shared.log import get_logger
 from nena_shared.mqtt import BrokerLink, Inbound, Outbound
 from nena_shared.plant import Vehicle
+from nena_shared.plant.driver_properties import TOPIC_PREFIX
 from nena_shared.plant.fleet_checks import KEY_LENGTH
+from nena_shared.plant.property_keys import VDA5050_INTERFACE_NAME
 from nena_shared.rate_limit import MessageRate
 from nena_shared.settings import ConfigurationError, TopicPrefix
 from nena_shared.tasks import forever
@@ -50,6 +52,7 @@ from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.robot_sources import Dated, RobotSources
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+from nena_shared.vda5050.v2_1.parameter import neutral_path
 from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_named, nearest_codec
 from nena_shared.vda5050.zone_set import ZoneSet, ZoneSetTransfer
 
@@ -57,7 +60,7 @@ R = ReasonCode
 
 log = get_logger(__name__)
 
-_INTERFACE_NAME: Final[TypeAdapter[str | None]] = TypeAdapter(TopicPrefix | None)
+_TOPIC_PREFIX: Final[TypeAdapter[str | None]] = TypeAdapter(TopicPrefix | None)
 
 
 Message = Order | InstantActions | Responses | ZoneSetTransfer
@@ -82,12 +85,16 @@ class Dialect:
     parameters_as_text: bool = False
     instant_actions_key: str = ""
     keeps_last_node_states: bool = False
+    omitted_fields: tuple[str, ...] = ()
+    """Paths of fields that its orders must not have."""
 
     @classmethod
     def from_vehicle(cls, vehicle: Vehicle) -> Dialect:
         """Read the properties of a vehicle."""
         key = vehicle.instant_actions_key or ""
-        return cls(vehicle.parameters_as_text, key, vehicle.keeps_last_node_states)
+        # properties name fields as 2.x does, and 3.0 has other names
+        omitted = {name for field in vehicle.omitted_fields for name in (field, neutral_path(field))}
+        return cls(vehicle.parameters_as_text, key, vehicle.keeps_last_node_states, tuple(sorted(omitted)))
 
     def to_readable(self, message: Message) -> Message:
         """Return a message in the form that the robot can read."""
@@ -106,7 +113,12 @@ class Dialect:
         return message
 
     def rename_keys(self, topic: Topic, payload: bytes) -> bytes:
-        """Return an encoded message with the keys that the robot expects."""
+        """Return an encoded message with the keys that the robot expects, and without those it refuses."""
+        if topic is Topic.ORDER and self.omitted_fields:
+            order = from_json(payload)
+            for path in self.omitted_fields:
+                _omit(order, path.split("."))
+            return to_json(order)
         if topic is not Topic.INSTANT_ACTIONS or not self.instant_actions_key:
             return payload
         content = from_json(payload)
@@ -148,6 +160,17 @@ class LastNodes:
             self._current[robot] = state.order_id
         # Only an order that ends at its first node looks ended before it has begun.
         return first.node_id == last.node_id and self._current.get(robot) != state.order_id
+
+
+def _omit(part: Any, path: list[str]) -> None:  # noqa: ANN401 - a part of a JSON document
+    """Remove the field at ``path``, in each item of lists along it."""
+    if isinstance(part, list):
+        for item in part:
+            _omit(item, path)
+    elif isinstance(part, dict) and len(path) == 1:
+        part.pop(path[0], None)
+    elif isinstance(part, dict):
+        _omit(part.get(path[0]), path[1:])
 
 
 def _as_text(actions: tuple[Action, ...]) -> tuple[Action, ...]:
@@ -200,15 +223,19 @@ class RobotAddresses:
                     robot=str(robot),
                 )
             self._dialects[robot] = Dialect.from_vehicle(vehicle)
-            name = _interface_name(vehicle)
+            name = _read_prefix(vehicle, VDA5050_INTERFACE_NAME)
             schemes = [
                 TopicScheme(name or default.interface_name, major)
                 for major, default in self._defaults.items()
             ]
+            if prefix := _read_prefix(vehicle, TOPIC_PREFIX):
+                schemes = [TopicScheme.below(prefix, vehicle.protocol_version, robot)]
             self._schemes.update(dict.fromkeys(schemes))
             if vehicle.protocol_version:
-                address = self._addresses[robot] = self._configured_address(vehicle, vehicle.protocol_version)
-                self._sources.expect(robot, address.scheme)
+                codec = _configured_codec(vehicle, vehicle.protocol_version)
+                scheme = next(each for each in schemes if each.major_version == codec.major_version)
+                self._addresses[robot] = RobotAddress(codec, scheme)
+                self._sources.expect(robot, scheme)
             self._expected[robot] = tuple(map(_oldest_address, schemes))
         serials = Counter(robot.serial_number.casefold() for robot in self._expected)
         for robot in self._expected:
@@ -270,16 +297,13 @@ class RobotAddresses:
         )
         return True
 
-    def _configured_address(self, vehicle: Vehicle, version: str) -> RobotAddress:
-        try:
-            codec = codec_named(version)
-        except UnknownVersionError as error:
-            message = f"plant: vehicle '{vehicle.name}', property vda5050:version: {error}"
-            raise ConfigurationError([message]) from error
-        default = self._defaults[codec.major_version]
-        return RobotAddress(
-            codec, TopicScheme(vehicle.interface_name or default.interface_name, codec.major_version)
-        )
+
+def _configured_codec(vehicle: Vehicle, version: str) -> Codec:
+    try:
+        return codec_named(version)
+    except UnknownVersionError as error:
+        message = f"plant: vehicle '{vehicle.name}', property vda5050:version: {error}"
+        raise ConfigurationError([message]) from error
 
 
 def _oldest_address(scheme: TopicScheme) -> RobotAddress:
@@ -288,12 +312,12 @@ def _oldest_address(scheme: TopicScheme) -> RobotAddress:
     return RobotAddress(CODECS[version], scheme)
 
 
-def _interface_name(vehicle: Vehicle) -> str | None:
+def _read_prefix(vehicle: Vehicle, key: str) -> str | None:
     try:
-        return _INTERFACE_NAME.validate_python(vehicle.interface_name or None)
+        return _TOPIC_PREFIX.validate_python(vehicle.properties.get(key) or None)
     except ValidationError as error:
         problem = error.errors()[0]["msg"]
-        message = f"plant: vehicle '{vehicle.name}', property vda5050:interfaceName: {problem}"
+        message = f"plant: vehicle '{vehicle.name}', property {key}: {problem}"
         raise ConfigurationError([message]) from error
 
 

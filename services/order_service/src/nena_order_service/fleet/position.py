@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import hypot, inf, isfinite
+from math import hypot, inf, isfinite, pi
 from typing import Final, Self
 
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
@@ -60,6 +60,16 @@ class RobotProfile:
             transforms=transforms,
             max_distance_m=max_distance_m,
         )
+
+    def deviation_xy_at(self, point: Point | None) -> float:
+        """Return the deviation at a point, m; its own takes precedence."""
+        own = point.deviation_xy_m if point else None
+        return self.deviation_xy if own is None else own
+
+    def deviation_theta_at(self, point: Point | None) -> float:
+        """Return the deviation from the heading at a point, rad; its own takes precedence."""
+        own = point.deviation_theta_rad if point else None
+        return self.deviation_theta if own is None else min(own, pi)
 
     def on(self, map_id: str) -> MapTransform:
         """Return the transform from the plant's frame to that of the robot's messages."""
@@ -140,7 +150,7 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
         raise NotLocatedError(Reason(R.UNKNOWN_FRAME))
     here = profile.on(pose.map_id).to_plant(MapPlace(pose.x, pose.y))
     on_its_map = last is not None and (last.map_id or profile.map_id) == pose.map_id
-    if last and on_its_map and _distance_to(last, here) <= profile.deviation_xy:
+    if last and on_its_map and _distance_to(last, here) <= profile.deviation_xy_at(last):
         return Standing(last.name, on_point=True, pose=pose)
     # The plant indexes points without a map under None: they are on the robot's own map.
     maps = (pose.map_id or None, None) if pose.map_id == profile.map_id else (pose.map_id,)
@@ -156,7 +166,7 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
     at_coordinate = state.last_node_id.startswith(GOAL_PREFIX)
     if distance > profile.max_distance_m and not at_coordinate:
         raise TooFarError(distance, nearest, last)
-    return Standing(nearest.name, distance <= profile.deviation_xy, pose, distance)
+    return Standing(nearest.name, distance <= profile.deviation_xy_at(nearest), pose, distance)
 
 
 def _distance_to(point: Point, here: PlantPlace) -> float:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 from math import atan2, hypot
 from typing import Self, TypeVar
@@ -21,6 +22,13 @@ from nena_shared.plant import (
     curve,
     track,
 )
+from nena_shared.plant.driver_properties import (
+    ACTION_TAGS,
+    ActionTrigger,
+    find_actions,
+    find_edge_fields,
+    read_blocking_types,
+)
 from nena_shared.plant.geometry import normalized
 from nena_shared.vda5050 import order as vda
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
@@ -28,7 +36,7 @@ from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 Use = TypeVar("Use", track.VehicleTypeAtPoint, track.VehicleTypeOnPath)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TypeRules:
     """The rules for a vehicle's possible types.
 
@@ -37,6 +45,8 @@ class TypeRules:
 
     vehicle_types: frozenset[str] = frozenset()
     can_reverse: bool = True
+    properties: Mapping[str, str] = field(default_factory=dict, hash=False)
+    """Those of the vehicle."""
 
     @classmethod
     def of(cls, vehicle: Vehicle | None, plant: PlantModel) -> Self:
@@ -45,6 +55,29 @@ class TypeRules:
         return cls(
             frozenset({own}) if own else plant.vehicle_types,
             can_reverse=vehicle is None or vehicle.max_reverse_velocity_mm_s > 0,
+            properties=vehicle.properties if vehicle else {},
+        )
+
+    @cached_property
+    def blocking_types(self) -> Mapping[str, BlockingType]:
+        """The blocking types that the vehicle sets for its actions, by action type."""
+        return {name: BlockingType(own) for name, own in read_blocking_types(self.properties).items()}
+
+    def demanded_actions(
+        self, properties: Mapping[str, str], trigger: ActionTrigger | None, *tags: str | None
+    ) -> Iterator[track.TypeAction]:
+        """Yield the actions that properties demand of the vehicle; see ``find_actions``."""
+        return find_actions(properties, trigger, (self.properties.get(ACTION_TAGS), *tags))
+
+    def with_own_blocking(self, actions: tuple[Action, ...]) -> tuple[Action, ...]:
+        """Return actions with the blocking types that the vehicle sets for them."""
+        if not self.blocking_types:
+            return actions
+        return tuple(
+            action.model_copy(
+                update={"blocking_type": self.blocking_types.get(action.action_type, action.blocking_type)}
+            )
+            for action in actions
         )
 
     def at(self, point: Point) -> track.VehicleTypeAtPoint | None:
@@ -82,18 +115,21 @@ def edge_fields(
     pose = standing.pose
     heading = profile.on(pose.map_id).heading_to_plant(pose.theta) if pose else None
     for number, edge in enumerate(edges, start=1):
-        rule, end = rules.along(edge), plant.point(edge.destination)
+        rule, end, planned = rules.along(edge), plant.point(edge.destination), find_edge_fields(edge)
+        if planned:
+            planned["turns_as_planned"] = True
         wanted = required_heading(rules.at(end), end) if number == len(edges) else None
         if rule is None:
             heading = None  # it may have turned on the way
-            yield {}
+            yield planned
             continue
         tangents = _tangents_of(edge, rule, plant)
         orientation = _orientation_of(rule, tangents, heading, wanted, can_reverse=rules.can_reverse)
         heading = None if orientation is None else _absolute_orientation(rule, orientation, tangents[1])
         transform = profile.on(end.map_id or profile.map_id)
         trajectory = _make_trajectory(rule.trajectory, (plant.point(edge.source), end), transform)
-        yield {**_edge_fields(rule, orientation, transform, profile.corridor_width), "trajectory": trajectory}
+        fields = _edge_fields(rule, orientation, transform, profile.corridor_width)
+        yield {**fields, "trajectory": trajectory, **planned}
 
 
 def required_heading(rule: track.VehicleTypeAtPoint | None, point: Point) -> float | None:
@@ -234,15 +270,17 @@ def required_actions(
         for action in rule.actions
         if action.requirement_type is track.RequirementType.REQUIRED and action.action_type not in own_types
     ]
-    return tuple(
-        Action(
-            action_type=ruled.action_type,
-            action_id=action_id,
-            action_descriptor=ruled.action_description or ruled.action_type,
-            blocking_type=BlockingType(ruled.blocking_type),
-            action_parameters=tuple(_fixed_parameters(ruled)),
-        )
-        for ruled, action_id in zip(required, ids, strict=False)
+    return tuple(make_action(ruled, action_id) for ruled, action_id in zip(required, ids, strict=False))
+
+
+def make_action(ruled: track.TypeAction, action_id: str) -> Action:
+    """Return an action of the plant model."""
+    return Action(
+        action_type=ruled.action_type,
+        action_id=action_id,
+        action_descriptor=ruled.action_description or ruled.action_type,
+        blocking_type=BlockingType(ruled.blocking_type),
+        action_parameters=tuple(_fixed_parameters(ruled)),
     )
 
 

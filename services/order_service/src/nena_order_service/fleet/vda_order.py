@@ -18,14 +18,17 @@ from nena_order_service.fleet.type_rules import (
     TypeRules,
     as_ruled,
     edge_fields,
+    make_action,
     required_actions,
     required_heading,
 )
 from nena_order_service.routing.graph import Route, Step
+from nena_plant_formats.lif.mobile_robots import json_value
 from nena_shared.fleet_api.transport_order import Coordinate
 from nena_shared.plant import DirectedEdge, Location, MapPlace, PlantModel, PlantPlace
+from nena_shared.plant.driver_properties import ACTION_TAGS, ActionTrigger
 from nena_shared.plant.geometry import normalized
-from nena_shared.plant.track import VehicleTypeAtPoint, VehicleTypeOnPath
+from nena_shared.plant.track import Point, TypeAction, VehicleTypeAtPoint, VehicleTypeOnPath
 from nena_shared.vda5050.action import STATION_ACTIONS, Action, ActionParameter, BlockingType
 from nena_shared.vda5050.base import Identifier, WireObject
 from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePosition
@@ -136,14 +139,19 @@ class OperationMap:
         properties: Mapping[str, JsonValue],
         location: Location | None = None,
         *,
+        planned: TypeAction | None = None,
+        recharges: bool = False,
         retriable: bool = False,
     ) -> tuple[Action, ...]:
         """Return the actions of ``operation`` with new IDs; ``properties`` become parameters.
 
         For pick and drop, the location's name and type become stationName and stationType, unless the
-        properties define them.
+        properties define them. ``planned`` is what the plant defines for the operation: its action type is
+        the operation, unless ``action_types`` has another. ``recharges``: it recharges this vehicle.
         """
         action_type = self.action_type(operation)
+        if operation not in self.action_types and action_type != NO_ACTION and (recharges or planned):
+            action_type = RECHARGE_ACTION if recharges else operation
         if action_type == NO_ACTION:
             return ()
         parameters: dict[str, JsonValue] = {}
@@ -152,12 +160,14 @@ class OperationMap:
             if location:
                 parameters = {"stationType": location.type, "stationName": location.name}
             parameters["loadType"] = UNSPECIFIED_LOAD
+        if planned:
+            parameters |= {each.key: json_value(each) for each in planned.action_parameters}
         parameters |= properties
         action = Action(
             action_type=action_type,
             action_id=self.new_id(),
             action_descriptor=operation,
-            blocking_type=BlockingType.HARD,
+            blocking_type=BlockingType(planned.blocking_type) if planned else BlockingType.HARD,
             action_parameters=tuple(
                 ActionParameter(key=key, value=value) for key, value in parameters.items()
             ),
@@ -194,6 +204,10 @@ class _Stop:
     edge_rule: VehicleTypeOnPath | None = None
     rule: VehicleTypeAtPoint | None = None
     """The layout's rule for the robot's type at the node; ``edge_rule``: on the edge that leads here."""
+    point: Point | None = None
+    """The node's point; None: a pose or a coordinate."""
+    edge: DirectedEdge | None = None
+    """The plant's edge that leads here."""
 
 
 SpeedLimit = Callable[[DirectedEdge | None], float | None]
@@ -220,7 +234,7 @@ def build_vda_order(
 
     It starts at the robot's position: at its point or, off the points, at a temporary node at its pose.
     The last node has the heading of the point or coordinate, and ``actions``. Actions required by ``rules``
-    are at their nodes and edges, except at the start node.
+    are at their nodes and edges, except at the start node; actions that properties demand are also there.
 
     Raises:
         ValueError: there is neither a route nor a coordinate, or the route does not start at the robot.
@@ -244,13 +258,13 @@ def build_vda_order(
         stops[-1] = replace(stops[-1], theta=heading)
     return VdaOrder(
         order_id=name,
-        nodes=tuple(_make_nodes(stops, profile, actions)),
+        nodes=tuple(_make_nodes(stops, profile, actions, rules)),
         edges=tuple(
             Edge(
                 edge_id=end.edge_id or f"{start.node_id} --- {end.node_id}",
                 sequence_id=2 * index + 1,
                 released=True,
-                actions=required_actions(end.edge_rule, (), iter(unique_id, "")),
+                actions=_edge_actions(end, rules),
                 **end.edge_fields,
             )
             for index, (start, end) in enumerate(pairwise(stops))
@@ -277,7 +291,8 @@ def _stops_of_route(
     turns = False
     if route is not None and not route.steps and standing.pose is not None:
         wanted = _heading_at(plant, profile, standing.point, rules)
-        turns = wanted is not None and abs(normalized(wanted - standing.pose.theta)) > profile.deviation_theta
+        allowed = profile.deviation_theta_at(plant.point(standing.point))
+        turns = wanted is not None and abs(normalized(wanted - standing.pose.theta)) > allowed
     pose = standing.pose if turns or not standing.on_point else None
     if pose is not None:
         yield _Stop(START_PREFIX + name, MapPlace(pose.x, pose.y), pose.map_id)
@@ -311,6 +326,8 @@ def _stop_at(
         edge_fields=edge_fields,
         edge_rule=rules.along(step.edge) if step else None,
         rule=rules.at(point),
+        point=point,
+        edge=step.edge if step else None,
     )
 
 
@@ -321,17 +338,33 @@ def _heading_at(plant: PlantModel, profile: RobotProfile, point_name: str, rules
     return None if wanted is None else transform.heading_to_map(wanted)
 
 
-def _make_nodes(stops: list[_Stop], profile: RobotProfile, actions: tuple[Action, ...]) -> Iterator[Node]:
+def _edge_actions(end: _Stop, rules: TypeRules) -> tuple[Action, ...]:
+    properties = end.edge.path.properties if end.edge else {}
+    demanded = (make_action(each, unique_id()) for each in rules.demanded_actions(properties, None))
+    required = required_actions(end.edge_rule, (), iter(unique_id, ""))
+    return rules.with_own_blocking((*required, *demanded))
+
+
+def _make_nodes(
+    stops: list[_Stop], profile: RobotProfile, actions: tuple[Action, ...], rules: TypeRules
+) -> Iterator[Node]:
     last = len(stops) - 1
     for index, stop in enumerate(stops):
         own = tuple(as_ruled(actions, stop.rule)) if index == last else ()
         required = required_actions(stop.rule, own, iter(unique_id, "")) if index else ()
+        trigger = ActionTrigger.PASSING if stop.edge else ActionTrigger.ORDER_START
+        demanded = rules.demanded_actions(
+            stop.point.properties if stop.point else {},
+            ActionTrigger.ORDER_END if index == last else trigger,
+            stop.edge.path.properties.get(ACTION_TAGS) if stop.edge else None,
+        )
+        planned = (make_action(each, unique_id()) for each in demanded)
         yield Node(
             node_id=stop.node_id,
             sequence_id=2 * index,
             released=True,
             node_position=_node_position(stop, profile, starts=index == 0),
-            actions=(*required, *own),
+            actions=rules.with_own_blocking((*required, *planned, *own)),
         )
 
 
@@ -339,7 +372,8 @@ def _node_position(stop: _Stop, profile: RobotProfile, *, starts: bool) -> NodeP
     """Return the position of a node; the start node has a wide deviation (section 6.6.2)."""
     # A robot outside the deviation of the first node refuses the order (6.1.4), so neither the layout's
     # bounds nor a narrow deviation of the vehicle apply to it.
-    deviation = max(profile.deviation_xy, DEFAULT_DEVIATION_XY) if starts else profile.deviation_xy
+    deviation = profile.deviation_xy_at(stop.point)
+    deviation = max(deviation, DEFAULT_DEVIATION_XY) if starts else deviation
     transform = profile.on(stop.map_id)
     bounds = stop.rule.allowed_deviation_xy if stop.rule and not starts else None
     a, b = bounds.ellipse(deviation) if bounds else (deviation, deviation)
@@ -352,7 +386,7 @@ def _node_position(stop: _Stop, profile: RobotProfile, *, starts: bool) -> NodeP
         allowed_deviation_xy=AllowedDeviationXY(
             a=transform.length_to_map(a), b=transform.length_to_map(b), theta=normalized(turned)
         ),
-        allowed_deviation_theta=None if stop.theta is None else profile.deviation_theta,
+        allowed_deviation_theta=None if stop.theta is None else profile.deviation_theta_at(stop.point),
     )
 
 

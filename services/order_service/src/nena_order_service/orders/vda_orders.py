@@ -6,9 +6,11 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
+from pydantic import JsonValue
+
 from nena_order_service.fleet.position import NotLocatedError, RobotProfile, Standing, locate
 from nena_order_service.fleet.robot import RobotView
-from nena_order_service.fleet.type_rules import TypeRules
+from nena_order_service.fleet.type_rules import TypeRules, make_action
 from nena_order_service.fleet.vda_order import (
     DROP,
     PICK,
@@ -26,9 +28,20 @@ from nena_order_service.routing.router import Leg, RouteFinder, RoutePlan
 from nena_order_service.traffic.route_search import RouteRequest
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
+from nena_shared.fleet_api.transport_order import Destination
 from nena_shared.plant import DirectedEdge, PlantModel, UnknownObjectError
+from nena_shared.plant.driver_properties import (
+    ACTION_TAGS,
+    DESTINATION_ACTION,
+    DRIVER_PREFIX,
+    ActionTrigger,
+    find_actions,
+    find_destination_action,
+)
+from nena_shared.plant.model import RECHARGE_OPERATION
+from nena_shared.plant.property_keys import VDA5050_RECHARGE_OPERATION
 from nena_shared.plant.track import MM_PER_M
-from nena_shared.vda5050.action import LOAD_HANDLING_DEVICE
+from nena_shared.vda5050.action import LOAD_HANDLING_DEVICE, Action
 
 R = ReasonCode
 
@@ -64,6 +77,11 @@ class OrderPlanner:
         self._speed_limits = speed_limits
         self.finder = finder
         self._operations = operations
+        self._own_recharging = {
+            vehicle.properties[VDA5050_RECHARGE_OPERATION]
+            for vehicle in plant.vehicles
+            if VDA5050_RECHARGE_OPERATION in vehicle.properties
+        }
         self._standings: dict[str, tuple[tuple[object, str], RobotProfile, Standing]] = {}
         """The last position of each vehicle, and the reported place and profile that it was found by."""
 
@@ -120,7 +138,8 @@ class OrderPlanner:
 
     def recharges(self, order: TransportOrder) -> bool:
         """Return whether the next operation of an order recharges the vehicle."""
-        return self._operations.recharges(order.current.destination.operation)
+        operation = order.current.destination.operation
+        return operation in self._own_recharging or self._operations.recharges(operation)
 
     def pick(self, order: TransportOrder) -> Pick | None:
         """Return what an order picks up first; None: nothing, or it drops something before."""
@@ -184,7 +203,7 @@ class OrderPlanner:
             ValueError: the route does not start at the vehicle.
         """
         index, destination = order.index, order.current.destination
-        location = self.plant.locations_by_name.get(destination.location_name or "")
+        rules = TypeRules.of(vehicle.model, self.plant)
         return build_vda_order(
             order_id(order.name, index, order.current.attempts),
             plant=self.plant,
@@ -192,14 +211,42 @@ class OrderPlanner:
             profile=vehicle.profile,
             route=route,
             coordinate=destination.coordinate,
-            actions=self._operations.actions(
-                destination.operation,
-                {parameter.key: parameter.value for parameter in destination.properties},
+            actions=self._actions(destination, rules, retriable=retriable),
+            speed_limit=self._speed_limit(vehicle),
+            rules=rules,
+        )
+
+    def _actions(self, destination: Destination, rules: TypeRules, *, retriable: bool) -> tuple[Action, ...]:
+        """Return the actions at a destination: those of its location, of its operation, and its own."""
+        location = self.plant.locations_by_name.get(destination.location_name or "")
+        kind = self.plant.location_types_by_name.get(location.type) if location else None
+        operation, texts = destination.operation, dict[str, str]()
+        parameters: dict[str, JsonValue] = {}
+        for each in destination.properties:
+            if each.key.startswith(DRIVER_PREFIX):
+                texts[each.key.replace(DESTINATION_ACTION, f"{DESTINATION_ACTION}{operation}.", 1)] = (
+                    each.text
+                )
+            else:
+                parameters[each.key] = each.value
+        properties = location.properties if location else {}
+        own = rules.properties.get(VDA5050_RECHARGE_OPERATION)
+        planned = None
+        if operation != (own or RECHARGE_OPERATION):  # openTCS's driver: recharging has no parameters
+            sources = (kind.properties if kind else {}, properties, texts)
+            planned = find_destination_action(operation, *sources)
+        at_location = rules.demanded_actions(properties, ActionTrigger.ORDER_END, texts.get(ACTION_TAGS))
+        return (
+            *(make_action(each, unique_id()) for each in at_location),
+            *self._operations.actions(
+                operation,
+                parameters,
                 location,
+                planned=planned,
+                recharges=operation == own,
                 retriable=retriable,
             ),
-            speed_limit=self._speed_limit(vehicle),
-            rules=TypeRules.of(vehicle.model, self.plant),
+            *(make_action(each, unique_id()) for each in find_actions(texts)),
         )
 
     def relocation(self, vehicle: FleetVehicle, standing: Standing, route: Route) -> VdaOrder:

@@ -772,18 +772,29 @@ class TrafficManager:
 
     # Vehicles under way
 
-    def allocate(self, vehicle: str, ahead: int = 0, length_mm: float = 0.0, gate: Gate = OPEN) -> bool:
+    def allocate(
+        self,
+        vehicle: str,
+        ahead: int = 0,
+        length_mm: float = 0.0,
+        gate: Gate = OPEN,
+        *,
+        limits: tuple[int | None, int | None] = (None, None),
+    ) -> bool:
         """Allocate sets until the vehicle has enough ahead of it; return whether it may drive further.
 
         Enough means at least ``ahead`` sets, and ``length_mm`` beyond the next one. Without either, allocate
-        as many as possible.
+        as many as possible. ``limits``: numbers of sets and of mm ahead at which it has enough in any case.
         """
+        most, most_mm = (inf if limit is None else limit for limit in limits)
         route, occupant = self._routes[vehicle], self.scheduler.occupant(vehicle)
         released, last_refusal = route.released, route.refusal
         route.refusal, stopped = None, False
         least = max(ahead, 1 if length_mm else 0)
         while occupant.claimed:
             if least and occupant.ahead >= least and occupant.length_behind_next_mm >= length_mm:
+                break
+            if occupant.ahead >= most or occupant.length_ahead_mm >= most_mm:
                 break
             if stopped := not gate.may_allocate(route.allocated):
                 break

@@ -345,6 +345,11 @@ class Occupant:
         return len(self.held) - 1 - self.reached
 
     @property
+    def length_ahead_mm(self) -> int:
+        """How far it may drive beyond the last point that it has reached, mm."""
+        return sum(resource_set.length_mm for resource_set in islice(self.held, self.reached + 1, None))
+
+    @property
     def length_behind_next_mm(self) -> int:
         """How far it may drive beyond the next set, mm."""
         return sum(resource_set.length_mm for resource_set in islice(self.held, self.reached + 2, None))

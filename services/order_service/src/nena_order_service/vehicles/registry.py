@@ -11,7 +11,7 @@ from nena_shared.fleet_api.vehicle import RobotMap
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.plant.model import map_transforms
 from nena_shared.vda5050.state import MapStatus, State
-from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.topics import DEFAULT_MANUFACTURER, RobotKey
 
 R = ReasonCode
 
@@ -129,9 +129,6 @@ class VehicleRegistry:
         if vehicle.model and vehicle.profile.map_id:
             self.map_ids.add(vehicle.profile.map_id)
         return vehicle
-
-
-DEFAULT_MANUFACTURER = "NeNa"
 
 
 def robot_maps(state: State) -> tuple[RobotMap, ...] | None:
