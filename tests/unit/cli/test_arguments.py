@@ -20,6 +20,7 @@ from nena_shared.fleet_api.transport_order import (
         ("Goods in:Load cargo", Destination(location_name="Goods in", operation="Load cargo")),
         ("a:b:NOP", Destination(location_name="a:b", operation="NOP")),
         ("@1.5,-2", Destination(coordinate=Coordinate(x=1.5, y=-2.0))),
+        ("@1,2:NOP", Destination(coordinate=Coordinate(x=1.0, y=2.0), operation="NOP")),
         ("@1,2,3.14", Destination(coordinate=Coordinate(x=1.0, y=2.0, theta=3.14))),
     ],
 )
@@ -28,7 +29,7 @@ def test_stop_is_read(text: str, expected: Destination) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", ":Load", "Goods in:", "@", "@1", "@1,2,3,4", "@a,b", "@1,2,99", "@nan,0"]
+    "text", ["", ":Load", "Goods in:", "@", "@1", "@1,2,3,4", "@a,b", "@1,2,99", "@nan,0", "@1,2:", "@1:NOP"]
 )
 def test_invalid_stop_is_reported(text: str) -> None:
     with pytest.raises(typer.BadParameter, match="Invalid"):

@@ -25,7 +25,7 @@ WITH_HEADING = 3
 
 
 def parse_stop(text: str) -> Destination:
-    """Parse ``NAME``, ``NAME:OPERATION``, ``@X,Y`` or ``@X,Y,THETA`` (m and rad in the plant frame).
+    """Parse ``NAME``, ``@X,Y`` or ``@X,Y,THETA`` (m and rad in the plant frame), and ``:OPERATION``, if any.
 
     Without an operation the order service chooses one: MOVE at a point, NOP at a location.
 
@@ -33,15 +33,16 @@ def parse_stop(text: str) -> Destination:
         typer.BadParameter: the text has another form.
 
     """
-    if text.startswith(COORDINATE):
-        return Destination(coordinate=parse_coordinate(text.removeprefix(COORDINATE)))
     name, colon, operation = text.rpartition(":")
     if operation and not colon:
-        return Destination(location_name=operation)
+        name = operation
     if not name or not operation:
         message = f"Invalid stop {text!r}: use NAME, NAME:OPERATION or @X,Y,THETA"
         raise typer.BadParameter(message)
-    return Destination(location_name=name, operation=operation)
+    done: dict[str, str] = {"operation": operation} if colon else {}
+    if name.startswith(COORDINATE):
+        return Destination(coordinate=parse_coordinate(name.removeprefix(COORDINATE)), **done)
+    return Destination(location_name=name, **done)
 
 
 def parse_coordinate(text: str) -> Coordinate:

@@ -168,7 +168,7 @@ def _add_orders(app: FastAPI, hosts: HostServices) -> None:
         with suppress(errors.OrderEndedError):  # like openTCS: nothing is left to withdraw
             await hosts.orders.withdraw_order(name, WITHDRAWAL)
 
-    @app.post("/v1/vehicles/{name}/withdrawal", response_class=Response)
+    @app.post("/v1/vehicles/{name:path}/withdrawal", response_class=Response)
     async def withdraw_from_vehicle(name: str) -> None:
         order = hosts.vehicles.find_status(name).transport_order
         if order is not None:

@@ -354,7 +354,7 @@ def _add_vehicle_data(app: FastAPI, plant: PlantModel, change_plant: ChangePlant
             raise UnknownVehicleError(name)
         await change_plant(lambda present: _change_object(present, "vehicles", name, **fields))
 
-    @app.put("/v1/vehicles/{name}/energyLevelThresholdSet", response_class=Response)
+    @app.put("/v1/vehicles/{name:path}/energyLevelThresholdSet", response_class=Response)
     async def set_thresholds(name: str, body: Thresholds) -> None:
         levels = EnergyThresholds(
             critical=body.energy_level_critical,
@@ -364,7 +364,7 @@ def _add_vehicle_data(app: FastAPI, plant: PlantModel, change_plant: ChangePlant
         )
         await change_vehicle(name, energy_thresholds=levels)
 
-    @app.put("/v1/vehicles/{name}/envelopeKey", response_class=Response)
+    @app.put("/v1/vehicles/{name:path}/envelopeKey", response_class=Response)
     async def set_envelope(name: str, key: Annotated[str | None, Query(alias="newValue")] = None) -> None:
         await change_vehicle(name, envelope_key=key)
 

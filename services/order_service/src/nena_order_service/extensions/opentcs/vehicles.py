@@ -151,24 +151,24 @@ def add_routes(app: FastAPI, hosts: HostServices, engine: Engine, changes: Chang
         vehicles = hosts.vehicles.iterate_statuses()
         return [state_of(vehicle) for vehicle in vehicles if proc_state in (None, vehicle.processing_state)]
 
-    @app.get(f"{VEHICLES}/{{name}}")
-    async def show(name: str) -> VehicleState:
-        return state_of(hosts.vehicles.find_status(name))
-
     _add_commands(app, hosts)
     _add_drivers(app, hosts)
     _add_route_query(app, hosts, engine)
+
+    @app.get(f"{VEHICLES}/{{name:path}}")  # behind the longer paths, which it matches as well
+    async def show(name: str) -> VehicleState:
+        return state_of(hosts.vehicles.find_status(name))
 
 
 def _add_commands(app: FastAPI, hosts: HostServices) -> None:
     vehicles = hosts.vehicles
 
-    @app.post(f"{VEHICLES}/{{name}}/rerouteRequest", response_class=Response)
+    @app.post(f"{VEHICLES}/{{name:path}}/rerouteRequest", response_class=Response)
     async def reroute(name: str, *, forced: bool = False) -> None:
         with suppress(NotReroutableError):  # as in openTCS, not an error
             await vehicles.reroute_vehicle(name, ReroutingType.FORCED if forced else ReroutingType.REGULAR)
 
-    @app.put(f"{VEHICLES}/{{name}}/paused", response_class=Response)
+    @app.put(f"{VEHICLES}/{{name:path}}/paused", response_class=Response)
     async def pause(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> None:
         request = InstantActionRequest(action_type="pause" if new_value else "resume")
         reply = await vehicles.send_instant_action(name, request)
@@ -176,16 +176,16 @@ def _add_commands(app: FastAPI, hosts: HostServices) -> None:
         if isinstance(reply.body, InstantActionAnswer) and reply.body.status == "FAILED":
             raise NotPossibleError(reply.body.reason)
 
-    @app.put(f"{VEHICLES}/{{name}}/integrationLevel", response_class=Response)
+    @app.put(f"{VEHICLES}/{{name:path}}/integrationLevel", response_class=Response)
     async def integrate(name: str, level: Annotated[IntegrationLevel, Query(alias="newValue")]) -> None:
         # openTCS refuses to ignore or only notice a vehicle with an order; here it gives up its order.
         await vehicles.set_integration_level(name, level)
 
-    @app.put(f"{VEHICLES}/{{name}}/acceptableOrderTypes", response_class=Response)
+    @app.put(f"{VEHICLES}/{{name:path}}/acceptableOrderTypes", response_class=Response)
     async def accept(name: str, body: AcceptableOrderTypes) -> None:
         await vehicles.accept_order_types(name, body.acceptable_order_types)
 
-    @app.put(f"{VEHICLES}/{{name}}/allowedOrderTypes", response_class=Response)
+    @app.put(f"{VEHICLES}/{{name:path}}/allowedOrderTypes", response_class=Response)
     async def allow(name: str, body: AllowedOrderTypes) -> None:
         types = tuple(AcceptableOrderType(name=name) for name in dict.fromkeys(body.order_types))
         await vehicles.accept_order_types(name, types)
@@ -200,26 +200,26 @@ def _add_drivers(app: FastAPI, hosts: HostServices) -> None:
     """Serve the routes for vehicle drivers: each vehicle has the same one, always."""
     require = hosts.vehicles.find_status
 
-    @app.get(f"{VEHICLES}/{{name}}/commAdapter/attachmentInformation")
+    @app.get(f"{VEHICLES}/{{name:path}}/commAdapter/attachmentInformation")
     async def attachment(name: str) -> dict[str, Any]:
         require(name)
         return {"vehicleName": name, "availableCommAdapters": [DRIVER], "attachedCommAdapter": DRIVER}
 
-    @app.put(f"{VEHICLES}/{{name}}/commAdapter/attachment", response_class=Response)
+    @app.put(f"{VEHICLES}/{{name:path}}/commAdapter/attachment", response_class=Response)
     async def attach(name: str, new_value: Annotated[str, Query(alias="newValue")]) -> None:
         require(name)
         if new_value != DRIVER:
             text = f"Unknown vehicle driver class name: {new_value}. There is only {DRIVER}."
             raise NotPossibleError(text)
 
-    @app.put(f"{VEHICLES}/{{name}}/commAdapter/enabled", response_class=Response)
+    @app.put(f"{VEHICLES}/{{name:path}}/commAdapter/enabled", response_class=Response)
     async def enable(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> None:
         require(name)
         if not new_value:
             text = f"The driver of vehicle {name!r} is always enabled; set its integrationLevel instead."
             raise NotPossibleError(text)
 
-    @app.post(f"{VEHICLES}/{{name}}/commAdapter/message", response_class=Response)
+    @app.post(f"{VEHICLES}/{{name:path}}/commAdapter/message", response_class=Response)
     async def message(name: str, body: DriverMessage) -> None:
         require(name)
         log.info("ignoring a message for a vehicle driver", vehicle=name, message_type=body.type)
@@ -228,7 +228,7 @@ def _add_drivers(app: FastAPI, hosts: HostServices) -> None:
 def _add_route_query(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
     plant = engine.plant
 
-    @app.post(f"{VEHICLES}/{{name}}/routeComputationQuery")
+    @app.post(f"{VEHICLES}/{{name:path}}/routeComputationQuery")
     async def routes(name: str, body: RoutesRequest) -> dict[str, Any]:
         """Compute the cheapest route to each point: only one, whatever ``maxRoutesPerDestinationPoint``."""
         position = hosts.vehicles.find_status(name).current_position
