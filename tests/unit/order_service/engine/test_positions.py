@@ -5,10 +5,13 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+import pytest
+
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.engine.engine import Engine
 from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.plant import PlantModel, Vehicle
+from nena_shared.vda5050.state import Load
 from support.order_service import request
 from support.plants import path, point
 from support.scripted_fleet import (
@@ -187,3 +190,32 @@ async def test_a_robot_with_an_unknown_order_names_it() -> None:
     fleet.fields["V1"] = {"order_id": "lost-0"}
     fleet.appear("V1", "A")
     assert "idle: no waiting orders" in reason_of(engine, "V1")
+
+
+LENGTHS = {"vda5050:vehicleLengthLoaded": "5000", "vda5050:vehicleLengthUnloaded": "800"}
+SHORT, LONG = {"B --- C", "C"}, {"A --- B", "B", "B --- C", "C"}
+
+
+@pytest.mark.parametrize(
+    ("properties", "loads", "covered"),
+    [
+        (LENGTHS, (), SHORT),
+        (LENGTHS, (Load(),), LONG),
+        (LENGTHS, None, LONG),  # unknown: the greater length
+        ({"vda5050:vehicleLengthLoaded": "long"}, (Load(),), SHORT),
+        ({}, (Load(),), SHORT),
+    ],
+)
+async def test_what_a_vehicle_covers_depends_on_its_load(
+    properties: dict[str, str], loads: tuple[Load, ...] | None, covered: set[str]
+) -> None:
+    plant = PLANT.model_copy(update={"vehicles": (Vehicle(name="V1", properties=properties),)})
+    fleet = ScriptedFleet({})
+    engine = await make_engine(plant, MemoryStore(), fleet)
+    fleet.fields["V1"] = {"loads": ()}
+    fleet.appear("V1", "A")
+    fleet.fields["V1"] = {"loads": loads}
+    fleet.appear("V1", "A")  # where it is loaded
+    engine.create(request("C", name="T-1"), "T-1")
+    fleet.finish("V1")
+    assert held(engine, "V1") == covered

@@ -106,6 +106,7 @@ def test_the_plant_model_names_its_version(written: str, version: str, scheme: T
         ("interfaceName", "#", "interfaceName"),
         ("interfaceName", "a/+/b", "interfaceName"),
         ("interfaceName", "uagv/", "interfaceName"),
+        ("topicPrefix", "site/+", "topicPrefix"),
         ("version", "1.1", r"version.*'1\.1'"),
     ],
 )
@@ -122,6 +123,43 @@ def test_the_plant_model_names_its_topics() -> None:
     assert address.scheme == own[0]
     assert tuple(each.scheme for each in known.addresses_of(ROBOT)) == own
     assert known.schemes == (V2, V3, *own)
+
+
+@pytest.mark.parametrize(
+    ("prefix", "version", "scheme", "topic"),
+    [
+        ("site7/agv/V1", "2.0", TopicScheme("site7/agv/V1", "v2", ROBOT), "site7/agv/V1/state"),
+        ("site7", "", TopicScheme("site7", "v2", ROBOT), "site7/state"),
+        ("site7", "3.0", TopicScheme("site7", "v3", ROBOT), "site7/state"),
+        ("x/v2/ACME/r1", "2.1", TopicScheme("x", "v2"), "x/v2/ACME/r1/state"),  # any robot below x
+        ("uagv/v2/ACME/r2", "2.1", TopicScheme("uagv/v2/ACME/r2", "v2", ROBOT), "uagv/v2/ACME/r2/state"),
+    ],
+)
+def test_the_plant_model_names_a_prefix_of_all_topics(
+    prefix: str, version: str, scheme: TopicScheme, topic: str
+) -> None:
+    known = addresses(topicPrefix=prefix, interfaceName="acme", **({"version": version} if version else {}))
+    (address,) = known.addresses_of(ROBOT)
+
+    assert address.scheme == scheme
+    assert scheme.of(ROBOT, Topic.STATE) == topic
+    assert known.schemes == (V2, V3, scheme)
+    assert scheme.robot_of(topic) == ROBOT
+    assert scheme.robot_of(f"other/{topic}") is None
+    if scheme.robot:
+        assert scheme.for_all(Topic.STATE) == topic
+
+
+async def test_a_robot_below_its_own_prefix_is_heard_and_commanded() -> None:
+    mqtt, known = Handlers(), addresses(topicPrefix="site7/V1", version="2.1")
+    link = FleetLink(
+        mqtt, addresses=known, settings=FleetSettings(), clock=ManualClock(), on_events=lambda *_: None
+    )
+    own = "site7/V1/connection"
+    mqtt.by_filter[own](Inbound(own, codec_for(HELLO.version).encode(HELLO), retained=False))
+
+    assert link.view(ROBOT).link is LinkStatus.ONLINE
+    assert {"site7/V1/state", "site7/V1/factsheet", "site7/V1/order"} <= set(mqtt.by_filter)
 
 
 def test_a_robot_that_the_store_cannot_hold_is_an_error_of_the_plant_model() -> None:

@@ -339,7 +339,8 @@ class TrafficManager:
                 self._left_at[vehicle] = remembered
         if vehicle in self.scheduler:
             occupant = self.scheduler.occupant(vehicle)
-            if tuple(occupant.held) == held and occupant.entry == entry:
+            same_length = occupant.length_mm == box.length_mm
+            if tuple(occupant.held) == held and occupant.entry == entry and same_length:
                 return beside != self.sets_beside(vehicle)
         self.scheduler.place_at_rest(vehicle, held, box.length_mm, entry=entry)
         return True
