@@ -51,9 +51,9 @@ def test_valid_file_has_no_problems() -> None:
 
 
 @pytest.mark.parametrize("version", ["1.0.0", "1.9", "0.11.0"])
-def test_draft_version_is_reported(version: str) -> None:
+def test_version_that_is_no_published_one_is_reported(version: str) -> None:
     found = file(layout(*RING), version=version)
-    assert codes_and_names(deviations(found)) == ([("NOT_LIF", "")] if version == "0.11.0" else [])
+    assert codes_and_names(deviations(found)) == ([] if version == "1.0.0" else [("NOT_LIF", "")])
 
 
 def test_ids_are_unique_for_their_own_kind_over_all_layouts() -> None:
@@ -135,7 +135,7 @@ def test_unsupported_content_is_counted_by_kind() -> None:
 
 
 def put(raw: Any) -> list[tuple[str, str]]:
-    return [(each.code, each.text) for each in repair(raw)]
+    return [(each.code, each.text) for each in repair(raw, LifFile)]
 
 
 def test_equal_problems_are_combined_with_count_and_first_place() -> None:
@@ -147,43 +147,45 @@ def test_equal_problems_are_combined_with_count_and_first_place() -> None:
     assert {each.code for each in format_problems(caught.value)} == {"NOT_LIF"}
 
 
+def nodes(*raw: dict[str, Any]) -> dict[str, Any]:
+    """Return a file of nodes, of which each has one rule."""
+    uses = [{"vehicleTypeNodeProperties": [each]} for each in raw]
+    return {"metaInformation": {}, "layouts": [{"nodes": uses}]}
+
+
 def test_required_of_actions_becomes_their_requirement() -> None:
-    raw: dict[str, Any] = {
-        "actions": [
-            {"required": True},
-            {"required": False},
-            {"required": True, "requirementType": "CONDITIONAL"},
-        ]
-    }
-    assert put(raw) == [("NOT_LIF", "'required' of actions is read as their requirementType (found 3 times)")]
-    assert raw["actions"] == [
-        {"requirementType": "REQUIRED"},
-        {"requirementType": "OPTIONAL"},
-        {"requirementType": "CONDITIONAL"},
+    given: list[dict[str, Any]] = [
+        {"required": True, "blockingType": "HARD"},
+        {"required": False, "blockingType": "HARD"},
+        {"required": True, "blockingType": "HARD", "requirementType": "CONDITIONAL"},
     ]
+    assert put(nodes({"actions": given})) == [
+        ("NOT_LIF", "'required' of actions is read as their requirementType (found 3 times)")
+    ]
+    assert [each["requirementType"] for each in given] == ["REQUIRED", "OPTIONAL", "CONDITIONAL"]
 
 
-def test_unknown_fields_are_named_and_left_unchanged() -> None:
-    raw = [{"colour": 1, "nodeId": "A"}, {"colour": 2, "required": "perhaps"}]
-    assert put(raw) == [
+def test_unknown_fields_are_named() -> None:
+    given = nodes({"colour": 1}, {"colour": 2, "actions": [{"required": "perhaps", "theta": 0.0}]})
+    assert put(given) == [
         ("IGNORED", "unknown field 'colour' (found 2 times)"),
         ("IGNORED", "unknown field 'required' (found 1 times)"),
+        ("IGNORED", "unknown field 'theta' (found 1 times)"),
     ]
-    assert raw[1] == {"colour": 2, "required": "perhaps"}
 
 
 @pytest.mark.parametrize("highest", [90, -90, "90", 6.3])
 def test_heading_beyond_a_turn_means_all_are_degrees(highest: Any) -> None:
-    raw: list[dict[str, Any]] = [{"theta": 3}, {"vehicleOrientation": highest}, {"theta": None}]
-    assert [code for code, _ in put(raw)] == ["HEADINGS_IN_DEGREES"]
-    assert raw == [{"theta": radians(3)}, {"vehicleOrientation": radians(float(highest))}, {"theta": None}]
+    given: list[dict[str, Any]] = [{"theta": 3}, {"theta": highest}]
+    assert [code for code, _ in put(nodes(*given))] == ["HEADINGS_IN_DEGREES"]
+    assert given == [{"theta": radians(3)}, {"theta": radians(float(highest))}]
 
 
 @pytest.mark.parametrize("wrong", ["north", [1], {"x": 1}, 10**400])
 def test_heading_that_is_not_a_number_stays_invalid_among_degrees(wrong: Any) -> None:
-    raw: list[dict[str, Any]] = [{"theta": 90}, {"theta": wrong}]
-    put(raw)
-    assert raw[1] == {"theta": wrong}
+    given: list[dict[str, Any]] = [{"theta": 90}, {"theta": wrong}]
+    put(nodes(*given))
+    assert given[1] == {"theta": wrong}
 
 
 JSON = st.recursive(
@@ -191,7 +193,9 @@ JSON = st.recursive(
     lambda inner: (
         st.lists(inner, max_size=3)
         | st.dictionaries(
-            st.sampled_from(["theta", "vehicleOrientation", "required", "nodes", "edges", "x", "layouts"]),
+            st.sampled_from(
+                ["theta", "vehicleTypeNodeProperties", "actions", "nodes", "Nodes", "x", "layouts"]
+            ),
             inner,
             max_size=4,
         )
@@ -205,7 +209,7 @@ JSON = st.recursive(
 def test_repair_never_fails_and_reports_each_kind_once(raw: Any) -> None:
     told = put(raw)
     assert told == sorted(set(told))
-    assert not any("requirementType" in text for _, text in put(raw)), "it is right already"
+    assert not any("is read as" in text for _, text in put(raw)), "it is right already"
 
 
 def open_point(name: str, types: str) -> Point:

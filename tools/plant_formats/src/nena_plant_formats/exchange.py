@@ -1,8 +1,11 @@
 """Common parts of plant model importers and exporters: reports, and bounded JSON parsing."""
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from functools import cache
+from typing import Any, Final, get_args
 
+from pydantic import BaseModel
 from pydantic_core import from_json
 
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
@@ -41,6 +44,42 @@ def check_size(data: bytes, limits: JsonLimits = JSON_LIMITS) -> None:
     # 0014: before parsing, which turns three bytes (`[],`) into a list of 56.
     if sum(map(data.count, (b",", b"[", b"{"))) > limits.values:
         raise refusal("LIMIT_EXCEEDED", f"the file has more than {limits.values} values")
+
+
+def records_in(raw: Any, form: type[BaseModel]) -> Iterator[tuple[dict[str, Any], type[BaseModel]]]:  # noqa: ANN401 - whatever the JSON holds
+    """Yield each JSON object that the form has a record for, with its record, outer objects first.
+
+    What the caller changes in an object counts for the objects in it.
+    """
+    waiting: list[tuple[Any, type[BaseModel]]] = [(raw, form)]
+    while waiting:
+        value, record = waiting.pop()
+        if isinstance(value, list):
+            waiting.extend((each, record) for each in value)
+        elif isinstance(value, dict):
+            yield value, record
+            inner = _inner_records(record)
+            waiting.extend((value[key], inner[key]) for key in inner.keys() & value.keys())
+
+
+@cache
+def _inner_records(record: type[BaseModel]) -> Mapping[str, type[BaseModel]]:
+    return {
+        field.alias or "": part
+        for field in record.model_fields.values()
+        for part in parts_of(field.annotation)
+        if isinstance(part, type) and issubclass(part, BaseModel)
+    }
+
+
+def parts_of(annotation: Any) -> tuple[Any, ...]:  # noqa: ANN401 - any annotation of a field
+    """Return an annotation and all that it consists of: `X | None` is also X and None."""
+    return (annotation, *(part for each in get_args(annotation) for part in parts_of(each)))
+
+
+def letters_of(word: str) -> str:
+    """Return a word without what spellings of it differ in: letter case, blanks, `_` and `-`."""
+    return word.casefold().replace("_", "").replace("-", "").replace(" ", "")
 
 
 def refusal(code: str, text: str) -> PlantModelError:

@@ -1,13 +1,18 @@
 """Check LIF files: format deviations and their repair, rules beyond the schema, reachability."""
 
+import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
+from enum import EnumType
+from functools import cache
 from math import hypot, pi, radians
-from typing import Any, Final
+from typing import Any, Final, get_origin
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 
+from nena_plant_formats.exchange import letters_of, parts_of, records_in
 from nena_plant_formats.lif import mobile_robots
 from nena_plant_formats.lif.document import (
     DRAFT_VERSION,
@@ -16,9 +21,8 @@ from nena_plant_formats.lif.document import (
     LifEdge,
     LifFile,
     LifNode,
-    MetaInformation,
+    LifVersion,
     Station,
-    StationPosition,
 )
 from nena_shared.findings import path_of, words_of
 from nena_shared.plant import curve
@@ -33,37 +37,13 @@ from nena_shared.plant.track import (
     PlantRecord,
     RequirementType,
     RotationAllowed,
-    TrajectoryPoint,
     TypeAction,
-    TypeActionParameter,
     VehicleTypeAtPoint,
     VehicleTypeOnPath,
 )
 
-_RECORDS: Final[tuple[type[PlantRecord], ...]] = (
-    LifFile,
-    MetaInformation,
-    Layout,
-    LifNode,
-    LifEdge,
-    Station,
-    StationPosition,
-    VehicleTypeAtPoint,
-    VehicleTypeOnPath,
-    TypeAction,
-    TypeActionParameter,
-    LoadRestriction,
-    PathTrajectory,
-    TrajectoryPoint,
-)
-
-
-def _field_names(records: Iterable[type[PlantRecord]]) -> frozenset[str]:
-    return frozenset(field.alias or "" for record in records for field in record.model_fields.values())
-
-
-FIELDS_1_0: Final = _field_names(_RECORDS) - FIELDS_OF_2_0
-FIELDS_2_0: Final = _field_names(mobile_robots.RECORDS)
+SHOWN: Final = 40
+"""Maximum length of a quoted version, characters."""
 _HEADINGS: Final = ("theta", "vehicleOrientation", "mobileRobotOrientations")
 
 
@@ -80,18 +60,19 @@ def format_problems(error: ValidationError) -> tuple[PlantProblem, ...]:
     )
 
 
-def repair(
-    raw: Any,  # noqa: ANN401 - whatever the JSON holds
-    known: frozenset[str] = FIELDS_1_0,
-) -> tuple[PlantProblem, ...]:
-    """Repair known deviations in place, and return those that validation would not report.
+def repair(raw: Any, form: type[PlantRecord]) -> tuple[PlantProblem, ...]:  # noqa: ANN401 - whatever the JSON holds
+    """Repair what has one certain meaning in place, and return what validation would not report.
 
-    Adds missing stations, converts `required` of actions to requirementType, and converts all headings from
-    degrees if one is beyond 2 pi. `known` are the names of the version's fields.
+    Spells fields and enumerations as LIF does, adds missing stations and texts that nothing depends on,
+    removes null, and converts all headings from degrees if one is beyond 2 pi.
     """
-    objects = tuple(_all_objects(raw))
-    found = Counter(_repair_each(objects, known))
-    headings = [spot for each in objects for spot in _headings_of(each)]
+    found = Counter[tuple[str, str]]()
+    headings: list[tuple[Any, Any, float]] = []
+    for each, record in records_in(raw, form):
+        fields = _fields_of(record, form)
+        found.update(_repair_names(each, fields))
+        found.update(_repair_values(each, fields))
+        headings += _headings_of(each)
     # A published sample has degrees. All are converted, because 3 degrees would pass as radians.
     if any(abs(heading) > 2 * pi for _, _, heading in headings):
         found["HEADINGS_IN_DEGREES", "headings beyond 2 pi: all headings in the file are read as degrees"] = 1
@@ -102,39 +83,78 @@ def repair(
     )
 
 
-def _repair_each(objects: Iterable[dict[str, Any]], known: frozenset[str]) -> Iterator[tuple[str, str]]:
-    """Repair each object in place, and yield code and text of each deviation."""
-    for each in objects:
+_Fields = Mapping[str, tuple[FieldInfo, tuple[Any, ...]]]
+"""Fields of a record with the parts of their annotations, by name in the file."""
+
+
+@cache
+def _fields_of(record: type[BaseModel], form: type[PlantRecord]) -> _Fields:
+    return {
+        field.alias or "": (field, parts_of(field.annotation))
+        for field in record.model_fields.values()
         # Both versions share the records (0045): left in, a field of 2.0 would count in a file of 1.0.
-        for key in FIELDS_OF_2_0 & (each.keys() - known):
+        if form is not LifFile or field.alias not in FIELDS_OF_2_0
+    }
+
+
+def _repair_names(each: dict[str, Any], fields: _Fields) -> Iterator[tuple[str, str]]:
+    """Rename fields that are spelled or placed otherwise, remove unknown ones; yield each deviation."""
+    # So in 8.4 of LIF's guideline, while its examples have requirementType.
+    if "requirementType" in fields and isinstance(required := each.get("required"), bool):
+        del each["required"]
+        each.setdefault("requirementType", "REQUIRED" if required else "OPTIONAL")
+        yield "NOT_LIF", "'required' of actions is read as their requirementType"
+    # As in VDA 5050.
+    place = each.get("nodePosition") if "mapId" in fields and not each.get("mapId") else None
+    if isinstance(place, dict) and (map_id := place.pop("mapId", None)):
+        each["mapId"] = map_id
+        yield "NOT_LIF", "mapId in nodePosition is read as that of the node"
+    by_letters = {letters_of(name): name for name in fields}
+    for key in each.keys() - fields.keys():
+        value, name = each.pop(key), by_letters.get(letters_of(key))
+        if name is None or name in each:
+            yield "IGNORED", f"unknown field {key!r}"
+        else:
+            each[name] = value
+            yield "NOT_LIF", f"field {key!r} is read as {name!r}"
+
+
+_IF_MISSING: Final[Mapping[str, Callable[[], Any]]] = {
+    # 11 of the 19 examples in LIF's guideline have no stations, which its schema requires.
+    "stations": list,
+    "metaInformation": dict,
+    # The blocking type that never allows more than the author wanted.
+    "blockingType": lambda: "HARD",
+    # Texts that nothing depends on.
+    **dict.fromkeys(
+        ("creator", "exportTimestamp", "layoutVersion", "lifId", "lifVersion", "projectIdentification"), str
+    ),
+}
+"""Makes the value of a required field that is missing."""
+
+
+def _repair_values(each: dict[str, Any], fields: _Fields) -> Iterator[tuple[str, str]]:
+    """Repair missing, null and misspelled values; yield what validation would accept."""
+    for key, (field, parts) in fields.items():
+        value = each.get(key)
+        if value is None and key in _IF_MISSING:
+            each[key] = _IF_MISSING[key]()
+        elif key not in each or not (value is None or isinstance(value, str)):
+            continue
+        elif value is None and field.is_required() and tuple in map(get_origin, parts):
+            each[key] = []
+        elif not field.is_required() and (value is None or (value == "" and str not in parts)):
             del each[key]
-            yield "IGNORED", f"unknown field {key!r}"
-        # 11 of the 19 examples in LIF's guideline have no stations, which its schema requires.
-        if "nodes" in each and "edges" in each:
-            each.setdefault("stations", [])
-        # So in 8.4 of LIF's guideline, while its examples have requirementType.
-        if "requirementType" in known and isinstance(required := each.get("required"), bool):
-            del each["required"]
-            each.setdefault("requirementType", "REQUIRED" if required else "OPTIONAL")
-            yield "NOT_LIF", "'required' of actions is read as their requirementType"
-        for key in each.keys() - known:
-            yield "IGNORED", f"unknown field {key!r}"
+            if value is None and field.default is None:
+                yield "NOT_LIF", f"{key!r} is null; read as missing"
+        elif value:
+            words = [word.value for part in parts if isinstance(part, EnumType) for word in part]
+            each[key] = {letters_of(word): word for word in words}.get(letters_of(value), value)
 
 
 def warning(code: str, text: str) -> PlantProblem:
     """Return a problem of the whole file."""
     return PlantProblem(code, ObjectKind.MODEL, "", text)
-
-
-def _all_objects(raw: Any) -> Iterator[dict[str, Any]]:  # noqa: ANN401 - whatever the JSON holds
-    waiting = [raw]
-    while waiting:
-        value = waiting.pop()
-        if isinstance(value, dict):
-            yield value
-            waiting.extend(value.values())
-        elif isinstance(value, list):
-            waiting.extend(value)
 
 
 def _headings_of(each: dict[str, Any]) -> Iterator[tuple[Any, Any, float]]:
@@ -188,19 +208,21 @@ def _check_contradictions(
                 yield PlantProblem("NOT_LIF", kind, name, text)
 
 
-def deviations(file: LifFile) -> Iterator[PlantProblem]:
+def deviations(file: LifFile, version: LifVersion = LifVersion.V1_0) -> Iterator[PlantProblem]:
     """Yield deviations that a strict reader rejects and a lenient one accepts."""
-    version = file.meta_information.lif_version
-    if version == DRAFT_VERSION:
+    stated = file.meta_information.lif_version
+    if stated == DRAFT_VERSION:
         yield warning("NOT_LIF", f"lifVersion {DRAFT_VERSION} was never published; read as 1.0.0")
+    elif not _VERSION.fullmatch(stated):
+        text = f"lifVersion {stated[:SHOWN]!r} does not state major.minor.patch; read as {version}"
+        yield warning("NOT_LIF", text)
     nodes = {node.node_id: node for layout in file.layouts for node in layout.nodes}
     for layout in file.layouts:
         yield from _of_nodes(layout)
         own_nodes = {node.node_id for node in layout.nodes}
         for edge in layout.edges:
             yield from _of_edge(edge, own_nodes, nodes)
-            # 2.0 has an inverse of rotationAllowed with a default, and it has SINGLE.
-            yield from () if version.startswith("2") else _missing_in_1_0(edge)
+        yield from _missing_in_1_0(layout) if version is LifVersion.V1_0 else ()
         for station in layout.stations:
             # LIF's text demands at least one, but its schema accepts an empty array.
             if not station.interaction_node_ids:
@@ -208,17 +230,22 @@ def deviations(file: LifFile) -> Iterator[PlantProblem]:
                 yield PlantProblem("NOT_LIF", ObjectKind.LOCATION, station.station_id, text)
 
 
-def _missing_in_1_0(edge: LifEdge) -> Iterator[PlantProblem]:
-    if any(use.rotation_allowed is None for use in edge.vehicle_type_edge_properties):
-        text = "rotationAllowed is missing; read as false"
-        yield PlantProblem("NOT_LIF", ObjectKind.PATH, edge.edge_id, text)
-    if any(
-        action.blocking_type is PlantBlockingType.SINGLE
-        for use in edge.vehicle_type_edge_properties
-        for action in use.actions
-    ):
-        text = "LIF 1.0 has no blockingType SINGLE"
-        yield PlantProblem("NOT_LIF", ObjectKind.PATH, edge.edge_id, text)
+_VERSION: Final = re.compile(r"\d+\.\d+\.\d+", re.ASCII)
+
+
+def _missing_in_1_0(layout: Layout) -> Iterator[PlantProblem]:
+    """Yield what only 2.0 allows: SINGLE, and an edge without the inverse of its rotationAllowed."""
+    for edge in layout.edges:
+        if any(use.rotation_allowed is None for use in edge.vehicle_type_edge_properties):
+            text = "rotationAllowed is missing; read as false"
+            yield PlantProblem("NOT_LIF", ObjectKind.PATH, edge.edge_id, text)
+    elements: list[tuple[ObjectKind, str, Iterable[VehicleTypeAtPoint | VehicleTypeOnPath]]] = [
+        *((ObjectKind.POINT, node.node_id, node.vehicle_type_node_properties) for node in layout.nodes),
+        *((ObjectKind.PATH, edge.edge_id, edge.vehicle_type_edge_properties) for edge in layout.edges),
+    ]
+    for kind, name, uses in elements:
+        if any(each.blocking_type is PlantBlockingType.SINGLE for use in uses for each in use.actions):
+            yield PlantProblem("NOT_LIF", kind, name, "LIF 1.0 has no blockingType SINGLE")
 
 
 def unsupported_features(file: LifFile) -> Iterator[PlantProblem]:
@@ -253,8 +280,9 @@ def _of_load(restriction: LoadRestriction | None) -> Iterator[str]:
 
 def origin_findings(file: mobile_robots.OriginsFile) -> Iterator[PlantProblem]:
     """Yield deviations of origins and types, which are lost when a 2.0 file is converted."""
-    if not file.meta_information.lif_version.startswith("2.0"):
-        text = f"lifVersion {file.meta_information.lif_version} is newer than 2.0.0; what it adds is ignored"
+    stated = file.meta_information.lif_version
+    if re.match(r"[vV]?2\.0*[1-9]", stated):
+        text = f"lifVersion {stated[:SHOWN]} is newer than 2.0.0; what it adds is ignored"
         yield warning("NOT_LIF", text)
     for name, times in Counter(origin.origin_id for origin in file.origins).items():
         if times > 1:

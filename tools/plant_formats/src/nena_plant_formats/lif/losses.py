@@ -11,6 +11,7 @@ from nena_shared.plant import property_keys as keys
 from nena_shared.plant.errors import ObjectKind, PlantProblem
 from nena_shared.plant.model import PlantModel
 from nena_shared.plant.track import (
+    MM_PER_M,
     BoundingBox,
     ConnectionType,
     Path,
@@ -139,9 +140,10 @@ def _of_paths(model: PlantModel) -> Iterator[tuple[str, int]]:
 
 def _has_length(model: PlantModel, path: Path) -> bool:
     a, b = model.point(path.source), model.point(path.destination)
-    distance = hypot(a.x_mm - b.x_mm, a.y_mm - b.y_mm)
+    guided = next((use.line_guidance.length for use in path.vehicle_types if use.line_guidance), None)
     # The reader makes at least 1 mm of each edge, also between nodes at the same place.
-    return not _has_trajectories(path) and abs(max(distance, 1.0) - path.length_mm) > _SAME_LENGTH_MM
+    length_mm = max(guided * MM_PER_M if guided else hypot(a.x_mm - b.x_mm, a.y_mm - b.y_mm), 1.0)
+    return not _has_trajectories(path) and abs(length_mm - path.length_mm) > _SAME_LENGTH_MM
 
 
 def _has_trajectories(path: Path) -> bool:

@@ -38,7 +38,6 @@ from nena_shared.plant.track import (
     RequirementType,
     RotationAllowed,
     Speed,
-    TrajectoryPoint,
     TypeAction,
     TypeActionParameter,
     VehicleTypeAtPoint,
@@ -187,29 +186,6 @@ class OriginsFile(LifRecord):
     meta_information: FacilityInformation
     origins: tuple[Origin, ...]
 
-
-RECORDS: Final[tuple[type[PlantRecord], ...]] = (
-    OriginsFile,
-    FacilityInformation,
-    Origin,
-    OriginLayout,
-    OriginNode,
-    OriginEdge,
-    OriginStation,
-    Position,
-    StationPosition,
-    MobileRobotTypeNodeProperty,
-    MobileRobotTypeEdgeProperty,
-    MobileRobotType,
-    RobotAction,
-    RobotActionParameter,
-    LoadRestriction,
-    DeviationBounds,
-    PathTrajectory,
-    TrajectoryPoint,
-    LineGuidance,
-    PathCorridor,
-)
 
 _Renamed = Mapping[str, str]
 _LAYOUT: Final[_Renamed] = {"layout_descriptor": "layout_description"}

@@ -12,6 +12,7 @@ from nena_plant_formats.exchange import (
     JSON_LIMITS,
     ImportReport,
     JsonLimits,
+    letters_of,
     parse_json,
     refusal,
 )
@@ -66,10 +67,11 @@ def read(data: bytes, *, strict: bool = False, limits: JsonLimits = JSON_LIMITS)
     all problems if the file is not LIF, has another version, exceeds a limit or is inconsistent.
     """
     raw = parse_json(data, limits)
-    file, findings = _read_layouts(data, raw)
+    version = _version_of(raw)
+    file, findings = _read_layouts(data, raw, version)
     if problems := tuple(checks.errors(file)):
         raise PlantModelError(problems)
-    findings = (*findings, *checks.deviations(file))
+    findings = (*findings, *checks.deviations(file, version))
     # Content without effect is valid LIF, so it is no finding in strict mode.
     if strict and findings:
         raise PlantModelError(findings)
@@ -83,40 +85,38 @@ def read(data: bytes, *, strict: bool = False, limits: JsonLimits = JSON_LIMITS)
     return ImportReport(model, (*findings, *others))
 
 
-def _read_layouts(data: bytes, raw: Any) -> tuple[LifFile, tuple[PlantProblem, ...]]:  # noqa: ANN401 - whatever the JSON holds
+def _read_layouts(
+    data: bytes,
+    raw: Any,  # noqa: ANN401 - whatever the JSON holds
+    version: LifVersion,
+) -> tuple[LifFile, tuple[PlantProblem, ...]]:
     """Return the file and its deviations from the format of its version."""
-    if _version_of(raw) is LifVersion.V1_0:
+    if version is LifVersion.V1_0:
         # The text is checked first, because repair() changes what was parsed.
-        findings = (*_format_deviations(data, LifFile), *repair(raw, checks.FIELDS_1_0))
+        findings = (*_format_deviations(data, LifFile), *repair(raw, LifFile))
         return _validate_form(raw, LifFile), findings
     form = mobile_robots.OriginsFile
-    findings = (*_format_deviations(data, form), *repair(raw, checks.FIELDS_2_0))
+    findings = (*_format_deviations(data, form), *repair(raw, form))
     file = _validate_form(raw, form)
     return mobile_robots.to_layouts(file), (*findings, *checks.origin_findings(file))
 
 
-# 0045: minor versions only add fields, and each unknown field is a warning.
-_MAJOR_VERSION: Final = re.compile(r"([12])(\.\d+)*", re.ASCII)
-
-
 def _version_of(raw: Any) -> LifVersion:  # noqa: ANN401 - whatever the JSON holds
-    """Return the version of a file from lifVersion, or from its structure if that is missing."""
-    content = raw if isinstance(raw, dict) else {}
-    meta = content.get("metaInformation")
-    stated = meta.get("lifVersion") if isinstance(meta, dict) else None
-    if stated is None:
-        # 0045: without a version, the form only decides which errors are reported.
+    """Return the version of a file from lifVersion, or from its structure if that names none."""
+    content = {letters_of(key): value for key, value in raw.items()} if isinstance(raw, dict) else {}
+    meta = content.get("metainformation")
+    fields = {letters_of(key): value for key, value in meta.items()} if isinstance(meta, dict) else {}
+    stated = str(fields.get("lifversion") or "").strip()
+    # 0045: minor versions only add fields, and each unknown field is a warning.
+    major = re.match(r"[vV]?(\d+)", stated, re.ASCII)
+    if major is None:
         return LifVersion.V2_0 if "origins" in content else LifVersion.V1_0
-    major = _MAJOR_VERSION.fullmatch(str(stated))
-    if major is None and stated != DRAFT_VERSION:
-        shown = repr(str(stated)[:_SHOWN])
+    if stated != DRAFT_VERSION and int(major[1]) not in {1, 2}:
+        shown = repr(stated[: checks.SHOWN])
         text = f"lifVersion {shown} is not supported; save the file as {LifVersion.V1_0} or {LifVersion.V2_0}"
         raise refusal("UNSUPPORTED_VERSION", text)
-    return LifVersion.V2_0 if major and major[1] == "2" else LifVersion.V1_0
+    return LifVersion.V2_0 if int(major[1]) == 2 else LifVersion.V1_0  # noqa: PLR2004 - the major version
 
-
-_SHOWN: Final = 40
-"""Maximum length of a quoted unknown version, characters."""
 
 F = TypeVar("F", LifFile, mobile_robots.OriginsFile)
 
@@ -273,8 +273,8 @@ def to_plant(file: LifFile, names: Names) -> PlantModel:
         locations=tuple(locations),
         visual_layout=_visual_layout(file.layouts),
         properties={
-            keys.LIF_CREATOR: meta.creator,
-            keys.LIF_EXPORT_TIMESTAMP: meta.export_timestamp,
+            **({keys.LIF_CREATOR: meta.creator} if meta.creator else {}),
+            **({keys.LIF_EXPORT_TIMESTAMP: meta.export_timestamp} if meta.export_timestamp else {}),
             **{f"{keys.LIF_MANUFACTURER}{name}": maker for name, maker in file.manufacturers.items()},
         },
     )
