@@ -90,7 +90,7 @@ def test_check_warns_of_names_that_no_request_can_have(tmp_path: Path) -> None:
     assert long in [each["name"] for each in warned]
 
 
-@pytest.mark.parametrize("data", [b"\xac\xed\x00\x05sr", b"PK\x03\x04model", b"<courseModel/>"])
+@pytest.mark.parametrize("data", [b"\xac\xed\x00\x05sr", b"<courseModel/>"])
 def test_check_names_files_of_the_old_plant_overview(tmp_path: Path, data: bytes) -> None:
     file = tmp_path / "hall.opentcs"
     file.write_bytes(data)
@@ -98,6 +98,29 @@ def test_check_names_files_of_the_old_plant_overview(tmp_path: Path, data: bytes
     (finding,) = json.loads(done.stdout)["findings"]
     assert (done.exit_code, finding["code"]) == (1, "OLD_OPENTCS_FORMAT")
     assert "openTCS 4" in finding["text"]
+
+
+@pytest.mark.parametrize("command", [("check",), ("import", "-o"), ("convert", "--format", "lif", "-o")])
+@pytest.mark.parametrize(
+    ("data", "name"),
+    [
+        (b'{"type": "FeatureCollection", "name": "hall", "features": []}', "GeoJSON"),
+        (b"image: hall.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n", "map_server"),
+        (b"P5 2 2 255\n\0\0\0\0", "image"),
+    ],
+)
+def test_file_that_is_no_plant_model_is_named(
+    tmp_path: Path, command: tuple[str, ...], data: bytes, name: str
+) -> None:
+    file, out = tmp_path / "hall", tmp_path / "out"
+    file.write_bytes(data)
+    written = [str(out)] if command[-1] == "-o" else []
+    done = nena(command[0], str(file), *command[1:], *written, "--json")
+    (finding,) = json.loads(done.stdout)["findings"]
+    assert (done.exit_code, finding["code"], out.exists()) == (1, "NOT_A_PLANT_MODEL", False)
+    assert name in finding["text"]
+    with pytest.raises(ConfigurationError, match=name):
+        load_plant(file)
 
 
 def test_import_loses_nothing(tmp_path: Path) -> None:

@@ -1,5 +1,9 @@
 from __future__ import annotations
 
+import json
+from io import BytesIO
+from zipfile import ZipFile
+
 import pytest
 
 from nena_plant_formats.files import PlantFormat, format_of, read
@@ -35,11 +39,9 @@ def test_own_json_is_checked_as_files_of_others_are() -> None:
 @pytest.mark.parametrize(
     ("data", "code"),
     [
-        (b"", "MALFORMED_XML"),
         (b"Dear all", "MALFORMED_XML"),
         (b"{", "MALFORMED_JSON"),
-        (b"[1, 2]", "BAD_VALUE"),
-        (b'{"name": 7}', "BAD_VALUE"),
+        (b'{"name": 7, "points": []}', "BAD_VALUE"),
         (b'{"a":' * 300 + b"1" + b"}" * 300, "LIMIT_EXCEEDED"),
     ],
 )
@@ -54,3 +56,84 @@ def test_strict_applies_to_lif() -> None:
     assert read(odd).model.points
     with pytest.raises(PlantModelError):
         read(odd, strict=True)
+
+
+def zipped() -> bytes:
+    file = BytesIO()
+    with ZipFile(file, "w") as archive:
+        archive.writestr("hall.xml", FILES[PlantFormat.OPENTCS])
+    return file.getvalue()
+
+
+GRAPH = {
+    "type": "FeatureCollection",
+    "name": "hall",
+    "features": [{"type": "Feature", "properties": {"id": 0}, "geometry": None}],
+}
+SITE = {"format_version": "0.1", "properties": {"name": "office"}, "levels": {"1": {"anchors": {}}}}
+MAP = {"header": {"mapName": "hall"}, "advancedPointList": [], "advancedCurveList": []}
+STATE = {"headerId": 1, "manufacturer": "ACME", "serialNumber": "7", "orderId": ""}
+WEB_API = {"name": "hall", "points": [{"name": "A", "position": {"x": 0, "y": 0, "z": 0}}], "paths": []}
+RECORDED = {"time": "2026-11-20T10:00:00Z", "topic": "uagv/v2/ACME/7/state", "payload": "{}"}
+OTHERS: dict[str, bytes] = {
+    "GeoJSON": json.dumps(GRAPH).encode(),
+    "SEER": json.dumps(MAP).encode(),
+    "Open-RMF": json.dumps(SITE, indent=1).encode(),
+    "of VDA 5050": json.dumps(STATE).encode(),
+    "web API": json.dumps(WEB_API).encode(),
+    "MQTT message": json.dumps([RECORDED]).encode(),
+    "JSON lines": b"\n".join([json.dumps(RECORDED).encode()] * 2),
+    "'version', 'scripts'": b'{"name": "x", "version": "1", "scripts": {}}',
+    "JSON without an object": b"[1, 2]",
+    "map_server": b"image: hall.pgm\nmode: trinary\nresolution: 0.05\norigin: [0, 0, 0]\n",
+    "map_server (YAML)": b"# hall\n\nresolution: 0.05\r\norigin: [0, 0, 0]\r\nimage: hall.pgm\r\n",
+    "of Open-RMF (YAML)": b"coordinate_system: reference_image\nlevels:\n  L1:\n    vertices: []\n",
+    "navigation graph": b"building_name: office\ndoors: {}\n",
+    "YAML": b"---\n/**:\n  ros__parameters:\n    use_sim_time: true\n",
+    "settings file": b'plant = "hall.xml"\n\n[mqtt]\nhost = "broker"\n',
+    "TOML": b"# agent\n[mqtt]\nhost = 'broker'\n",
+    "image": b"P5\n# map\n2 2\n255\n\x00\x00\xff\xff",
+    "an image": b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR",
+    "this is an image": b"\xff\xd8\xff\xe0\x00\x10JFIF",
+    "CAD": b"  0\r\nSECTION\r\n  2\r\nHEADER\r\n",
+    "CAD drawing": b"999\nmade by hand\n0\nSECTION\n2\nENTITIES\n",
+    "ZIP archive": zipped(),
+    "unpack": b"\x1f\x8b\x08\x00",
+    "web page": b"<!DOCTYPE html>\n<html><body>404</body></html>",
+    "git lfs pull": b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 1\n",
+    "UTF-16": FILES[PlantFormat.NENA].decode().encode("utf-16"),
+    "as UTF-8": FILES[PlantFormat.LIF].decode().encode("utf-16-be"),
+    "empty": b"",
+    "empty file": b" \n",
+    "'tcsOrderSet'": b'<?xml version="1.0"?><tcsOrderSet><order/></tcsOrderSet>',
+    "'svg'": b'<svg><path d="M0 0"/></svg>',
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_file_that_is_no_plant_model_is_named(name: str) -> None:
+    with pytest.raises(PlantModelError) as caught:
+        read(OTHERS[name])
+    (problem,) = caught.value.problems
+    assert problem.code == "NOT_A_PLANT_MODEL"
+    assert name in problem.text
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig", "iso-8859-1"])
+def test_xml_in_another_encoding_is_read(encoding: str) -> None:
+    text = FILES[PlantFormat.OPENTCS].decode().split("?>")[-1].replace('name="test"', 'name="Hölle"')
+    declared = encoding.removesuffix("-sig")
+    data = f'<?xml version="1.0" encoding="{declared}"?>{text}'.encode(encoding)
+    assert read(data).model.name == "Hölle"
+
+
+def test_unknown_fields_of_own_json_are_reported() -> None:
+    content = json.loads(FILES[PlantFormat.NENA])
+    content["crs"] = {"type": "name"}
+    for each in content["paths"]:
+        each["maxSpeed"] = 1.0
+    ignored = [each.text for each in read(json.dumps(content).encode()).warnings if each.code == "IGNORED"]
+    assert ignored == [
+        "unknown field 'crs' is ignored (found 1 times)",
+        "unknown field 'maxSpeed' is ignored (found 2 times)",
+    ]

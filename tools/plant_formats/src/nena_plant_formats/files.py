@@ -1,12 +1,14 @@
 """Read plant models of any supported format, detected by content."""
 
+from collections import Counter
 from enum import StrEnum
 from typing import Final
 
 from pydantic import ValidationError
 
 from nena_plant_formats import lif, opentcs_xml
-from nena_plant_formats.exchange import ImportReport, check_size, parse_json
+from nena_plant_formats.exchange import ImportReport, letters_of, parse_json, records_in, refusal
+from nena_plant_formats.other_files import name_by_fields, name_by_lines, name_by_start
 from nena_shared.findings import in_words
 from nena_shared.plant.checks import find_errors, find_warnings
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
@@ -26,16 +28,40 @@ class PlantFormat(StrEnum):
 
 
 def format_of(data: bytes) -> PlantFormat:
-    """Return the format of a file; anything that is not JSON counts as XML. Raises PlantModelError."""
-    if not _json_bytes(data).startswith((b"{", b"[")):
+    """Return the format of a plant model; a text of no known form counts as XML. Raises PlantModelError."""
+    text = _json_bytes(data)
+    if other := name_by_start(text):
+        raise _not_a_plant_model(other)
+    if not text.startswith((b"{", b"[")):
+        if not text.startswith(b"<") and (other := name_by_lines(text)):
+            raise _not_a_plant_model(other)
         return PlantFormat.OPENTCS
-    content = parse_json(_json_bytes(data))
+    try:
+        content = parse_json(text)
+    except PlantModelError as error:
+        if other := name_by_lines(text):
+            raise _not_a_plant_model(other) from error
+        raise
     # One of them is enough: then the reader of LIF names what is missing.
-    return PlantFormat.LIF if isinstance(content, dict) and _LIF & content.keys() else PlantFormat.NENA
+    if isinstance(content, dict) and _LIF & set(map(letters_of, content)):
+        return PlantFormat.LIF
+    if other := name_by_fields(content, _NENA):
+        raise _not_a_plant_model(other)
+    return PlantFormat.NENA
 
 
-_LIF: Final = frozenset({"metaInformation", "layouts", "origins"})
-"""Fields of LIF files; NeNa's JSON has none of them."""
+def _not_a_plant_model(other: str) -> PlantModelError:
+    text = f"this is {other}. A plant model is openTCS XML, LIF or NeNa's JSON (docs/plant-models.md)"
+    return refusal("NOT_A_PLANT_MODEL", text)
+
+
+_LIF: Final = frozenset({"metainformation", "layouts", "origins"})
+"""Fields of LIF files, in small letters; NeNa's JSON has none of them."""
+_NENA: Final = frozenset(field.alias or "" for field in PlantModel.model_fields.values()) - {
+    "name",
+    "properties",
+}
+"""Fields of NeNa's JSON, without those that other JSON has as well."""
 
 
 def read(data: bytes, *, strict: bool = False) -> ImportReport:
@@ -51,15 +77,27 @@ def read(data: bytes, *, strict: bool = False) -> ImportReport:
 
 def read_nena(data: bytes) -> ImportReport:
     """Read the output of `PlantModel.to_json`. Raises PlantModelError."""
-    # pydantic parses it, without the limits of parse_json.
-    check_size(data)
+    content = parse_json(data)
     try:
         model = PlantModel.from_json(data)
     except ValidationError as error:
         raise PlantModelError(_problems_of(error)) from error
     if errors := find_errors(model):
         raise PlantModelError(errors)
-    return ImportReport(model, find_warnings(model))
+    unknown = Counter(
+        key
+        for each, record in records_in(content, PlantModel)
+        for key in each.keys()
+        - {field.alias for field in record.model_fields.values()}
+        - record.model_fields.keys()
+    )
+    ignored = (
+        PlantProblem(
+            "IGNORED", ObjectKind.MODEL, "", f"unknown field {key!r} is ignored (found {times} times)"
+        )
+        for key, times in sorted(unknown.items())
+    )
+    return ImportReport(model, (*ignored, *find_warnings(model)))
 
 
 def _json_bytes(data: bytes) -> bytes:

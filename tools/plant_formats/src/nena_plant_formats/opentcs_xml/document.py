@@ -87,12 +87,15 @@ def parse(data: bytes, limits: Limits) -> Element:
     if root.tag in _EDITOR_ROOTS:
         raise _old_format()
     if root.tag != "model":
-        raise refusal("NOT_A_PLANT_MODEL", f"the root element is {root.tag!r}, not openTCS's 'model'")
+        text = (
+            f"the root element is {root.tag!r}, not 'model'; use the file that openTCS's model editor saves"
+        )
+        raise refusal("NOT_A_PLANT_MODEL", text)
     return root
 
 
-_BINARY_FORMATS: Final = (b"\xac\xed\x00\x05", b"PK\x03\x04")
-"""First bytes of Java objects and archives: models saved by openTCS's plant overview before it wrote XML."""
+_BINARY_FORMATS: Final = b"\xac\xed\x00\x05"
+"""First bytes of Java objects: models saved by openTCS's plant overview before it wrote XML."""
 
 _EDITOR_ROOTS: Final = frozenset({"courseModel", "java", "object-stream"})
 """Root elements of the plant overview's own files (.opentcs), which are not plant models of the kernel."""

@@ -1,0 +1,77 @@
+"""Name files that are not plant models, and what to do with them."""
+
+import re
+from collections.abc import Collection
+from typing import Any, Final
+
+from nena_shared.findings import shortened
+
+_REDRAW: Final = "draw its points and paths in openTCS's model editor, or export them as LIF"
+_IMAGE: Final = "draw points and paths over it in openTCS's model editor, and save them as XML"
+_MESSAGES: Final = "`nena vda5050 show` and `check` read recordings of messages"
+
+_BY_START: Final = (
+    (rb"\Z", "an empty file; save or copy it again"),
+    # PNM, PNG, JPEG, GIF, BMP, TIFF, WebP
+    (rb"P[1-6]\s|\x89PNG|\xff\xd8\xff|GIF8|BM.{4}\0{4}|II\*\0|MM\0\*|RIFF.{4}WEBP", f"an image; {_IMAGE}"),
+    (
+        rb"PK\x03\x04",
+        "a ZIP archive; unpack it, or open it in openTCS 4 if that saved it, and save it as XML",
+    ),
+    (rb"\x1f\x8b|BZh|\xfd7zXZ|7z\xbc\xaf|\x28\xb5\x2f\xfd", "a compressed file; unpack it"),
+    (rb"\s*(999\r?\n[^\n]*\n\s*)*0\r?\n\s*SECTION|AutoCAD Binary DXF|AC10\d\d", f"a CAD drawing; {_REDRAW}"),
+    (rb"%PDF", f"a PDF document; {_REDRAW}"),
+    (rb"#ROSBAG|\x89MCAP|SQLite format 3", f"a recording or a database; {_REDRAW}"),
+    (rb"(?i:<!doctype html|<html)", "a web page; download the file that the page shows"),
+    (rb"version https://git-lfs", "a pointer of Git LFS; fetch the file with `git lfs pull`"),
+    # expat reads XML in UTF-16.
+    (rb"\xff\xfe(?!<)|\xfe\xff(?!\0<)|[{\[]\0|\0[{\[]", "text in UTF-16; save it as UTF-8"),
+)
+_COMMENTS: Final = rb"(?:[ \t]*(?:#[^\n]*|---[^\n]*|%[^\n]*)?\r?\n)*"
+_BY_LINES: Final = (
+    (rb"(?=.*^image\s*:)(?=.*^resolution\s*:)", f"a map of Nav2's map_server (YAML); {_IMAGE}"),
+    (rb".*^(levels|building_name)\s*:", f"a building or navigation graph of Open-RMF (YAML); {_REDRAW}"),
+    (rb"\{[^\n]*\"(topic|headerId)\"[^\n]*\}\s*\{", f"messages as JSON lines; {_MESSAGES}"),
+    (
+        _COMMENTS + rb"\[{0,2}[\w.\"-]+(\]{1,2}[ \t\r]*(#[^\n]*)?$|[ \t]*=)",
+        "a settings file, such as NeNa's (TOML); its setting `plant` names the plant model",
+    ),
+    (_COMMENTS + rb"(?:- )?[\w/*.\"-]+[ \t]*:(\s|\Z)", f"a YAML file; {_REDRAW}"),
+)
+_BY_FIELDS: Final = (
+    ({"features"}, f"GeoJSON, such as a route graph of Nav2, which NeNa writes but does not read; {_REDRAW}"),
+    ({"type", "geometry"}, f"GeoJSON; {_REDRAW}"),
+    ({"advancedPointList"}, f"a map of SEER's robots (smap); {_REDRAW}"),
+    ({"levels"}, f"a building or site of Open-RMF; {_REDRAW}"),
+    ({"topic", "payload"}, f"a recorded MQTT message; {_MESSAGES}"),
+    ({"headerId"}, f"a message of VDA 5050; {_MESSAGES}"),
+)
+_HEAD: Final = 65_536
+"""Bytes of a text in which its lines are looked for."""
+
+
+def name_by_start(data: bytes) -> str | None:
+    """Return what a file is by its first bytes, and what to do with it; None if they do not tell."""
+    return next((text for start, text in _BY_START if re.match(start, data, re.DOTALL)), None)
+
+
+def name_by_lines(data: bytes) -> str | None:
+    """Return what a text is that is neither JSON nor XML, and what to do with it; None if unknown."""
+    head, flags = data[:_HEAD], re.DOTALL | re.MULTILINE
+    return next((text for lines, text in _BY_LINES if re.match(lines, head, flags)), None)
+
+
+def name_by_fields(content: Any, known: Collection[str]) -> str | None:  # noqa: ANN401 - whatever the JSON holds
+    """Return what a JSON value is, and what to do with it; None if it is an object with a known field."""
+    first = content[0] if isinstance(content, list) and content else content
+    if not isinstance(first, dict):
+        return f"JSON without an object; {_REDRAW}"
+    for fields, text in _BY_FIELDS:
+        if fields <= first.keys():
+            return text
+    points = first.get("points")
+    if isinstance(points, list) and points and isinstance(points[0], dict) and "position" in points[0]:
+        return "a plant model of openTCS's web API; use the XML file that openTCS's model editor saves"
+    if first is content and not first.keys().isdisjoint(known):
+        return None
+    return f"other JSON, with the fields {shortened(', '.join(map(repr, first)))}; {_REDRAW}"
