@@ -15,7 +15,7 @@ from nena_shared.mqtt import Inbound
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.topics import Topic
-from nena_shared.vda5050.versions import codec_of_header
+from nena_shared.vda5050.versions import nearest_codec, version_of
 from support.reference import is_there
 from support.schemas import schema_problems
 
@@ -79,7 +79,8 @@ def problems_in(messages: Iterable[Inbound]) -> list[str]:
         return []
     for each in messages:
         levels = each.topic.split("/")
-        codec = codec_of_header(each.payload) if each.payload else None
+        version = version_of(each.payload)
+        codec = nearest_codec(version) if version else None
         if codec and len(levels) >= LEVELS and levels[-1] in set(Topic):
             publications.look(codec.version, Topic(levels[-1]), each.payload)
     return publications.take()

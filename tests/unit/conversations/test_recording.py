@@ -59,8 +59,8 @@ def test_invalid_line_is_reported(line: str, problem: str) -> None:
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"none\.jsonl"):
         list(read_file(tmp_path / "none.jsonl"))
-    (tmp_path / "bytes").write_bytes(b"\xff\xfe")
-    with pytest.raises(RecordingError, match="bytes"):
+    (tmp_path / "bytes").write_bytes(b"\x89PNG")
+    with pytest.raises(RecordingError, match="bytes is no text"):
         list(read_file(tmp_path / "bytes"))
 
 
@@ -144,3 +144,50 @@ def test_fresh_headers_count_for_each_topic_and_tell_the_time() -> None:
 @pytest.mark.parametrize("payload", [b"\xff", b"hello", b"[1]", b'{"x": 1}'])
 def test_message_without_a_header_stays_unchanged(payload: bytes) -> None:
     assert FreshHeaders().apply(entry(payload=payload), NOON) == entry(payload=payload)
+
+
+TOPIC = "uagv/v2/ACME/7/state"
+PAYLOAD = '{"headerId": 1, "timestamp": "2026-01-01T12:00:00.000Z"}'
+TEXT = json.dumps(PAYLOAD)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        f'{{"tst":"2026-01-01T12:00:00.000000Z+0000","topic":"{TOPIC}","qos":1,"retain":0,"payload":{TEXT}}}',
+        f'{{"tst":"2026-01-01T13:00:00.000000Z+0100","topic":"{TOPIC}","qos":1,"retain":0,"payload":{PAYLOAD}}}',
+        f'{{"timestamp": 1767268800, "topic": "{TOPIC}", "qos": 1, "payload": {TEXT}}}',
+        f'{{"_msgid": "1a", "topic": "{TOPIC}", "payload": {PAYLOAD}, "qos": 1}}',
+        f"{TOPIC} {PAYLOAD}",
+        f"2026-01-01T12:00:00+0000 {TOPIC} {PAYLOAD}",
+        f"1767268800 {TOPIC} {PAYLOAD}",
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_lines_of_other_tools_are_read(line: str, encoding: str, tmp_path: Path) -> None:
+    (tmp_path / "it").write_bytes(f"{line}\r\n".encode(encoding))
+    (entry,) = read_file(tmp_path / "it")
+    assert (entry.time, entry.topic, json.loads(entry.payload)) == (NOON, TOPIC, json.loads(PAYLOAD))
+
+
+def test_message_without_any_time_has_that_of_the_one_before() -> None:
+    first, second = read([f"{TOPIC} {PAYLOAD}\n", f'{TOPIC} {{"headerId": 2}}\n'], "it")
+    assert (first.time, second.time) == (NOON, NOON)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b'{"headerId": 1}\n',
+        b'{\n  "topics": []\n}\n',
+        b"<model/>",
+        b"[mqtt]\n",
+        b"sensor 21.5\n",
+        b"\x89MCAP0\r\n",
+        b"\xd4\xc3\xb2\xa1\x02\x00\xff\xff",
+    ],
+)
+def test_a_file_that_is_no_recording_is_told_the_expected_form(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "it").write_bytes(content)
+    with pytest.raises(RecordingError, match=r"it.*one JSON object per line with time, topic and payload"):
+        list(read_file(tmp_path / "it"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,52 @@ def test_unreadable_message_is_shown_with_the_reason() -> None:
     assert "malformed: " in shown(Talk().raw("fleet/v3/ACME/0001/state", b"?"))
 
 
+OLD = {"headerId": 1, "timestamp": "2026-01-01T00:00:00.000Z", "manufacturer": "ACME", "serialNumber": "7"}
+
+
+@pytest.mark.parametrize(
+    ("topic", "version", "label"),
+    [
+        ("agv/v1/ACME/7", {"version": "1.3.0"}, "1.3.0"),
+        ("uagv/v1/ACME/7", {"version": "1.1"}, "1.1.0"),
+        ("uagv/v1/ACME/7", {}, "1.x"),
+        ("uagv/v1/ACME/7", {"version": "VDA1_1"}, "1.x"),
+        ("fleet/robots/ACME/7", {"version": "1.1.0"}, "1.1.0"),
+        ("uagv/v2/ACME/7", {"version": "1.1.0"}, "1.1.0"),
+        ("uagv/v2/ACME/7", {"version": "1.3.2"}, "1.3.2"),
+    ],
+)
+def test_unsupported_version_is_named_once_for_each_robot(
+    topic: str, version: dict[str, str], label: str
+) -> None:
+    talk = Talk()
+    for number, online in enumerate(("ONLINE", "OFFLINE", "ONLINE")):
+        content = {**OLD, **version, "headerId": number, "connectionState": online}
+        talk.raw(f"{topic}/connection", json.dumps(content).encode())
+    text = shown(talk)
+    assert text.count("VDA 5050 1.x is not supported") == 1
+    assert f"connection {label}\n" in text
+    assert text.count("connection ") == (3 if "/v2" in topic else 1)
+    assert "malformed" not in text
+    assert [each.rule.code for each in talk.findings] == ["version"]
+    assert talk.texts.startswith("VDA 5050 1.x is not supported")
+
+
+def test_label_has_no_version_that_neither_topic_nor_header_names() -> None:
+    text = shown(Talk().raw("uagv/v2/ACME/7/state", b"{}").raw("uagv/site/ACME/7/state", b"{}"))
+    assert "state 2.x\n" in text
+    assert "state unknown\n" in text
+
+
+def test_many_small_moves_are_shown_as_one() -> None:
+    talk = Talk()
+    for number in range(10):
+        talk.state("n0", of="", mobile_robot_position=position(number * 0.02, 0.0))
+    assert [line for line in shown(talk).splitlines() if "at x" in line] == [
+        f"    at x {x:.2f}, y 0.00 on 'hall'" for x in (0.0, 0.06, 0.12, 0.18)
+    ]
+
+
 def test_one_robot_is_picked_out() -> None:
     assert shown(Talk().online(), robot="ACME/0002") == ""
     assert "ONLINE" in shown(Talk().online(), robot="ACME/0001")
@@ -102,8 +149,8 @@ def changed(fields: dict[str, Any], before: dict[str, Any] | None = None) -> lis
         ({"last_node_id": "n7", "last_node_sequence_id": 14}, "last node 'n7' (14)"),
         (way("n1", "n2", released=1), "nodes left: n1, horizon n2"),
         ({"loads": ({"load_id": "box"}, {"load_type": "EPAL"}, {})}, "loads: box, EPAL, a load"),
-        ({"power_supply": {"state_of_charge": 79.9, "charging": False}}, "battery 80 %"),
-        ({"power_supply": {"state_of_charge": 80.9, "charging": True}}, "charging: yes"),
+        ({"power_supply": {"state_of_charge": 79.4, "charging": False}}, "battery 79 %"),
+        ({"power_supply": {"state_of_charge": 79.6, "charging": True}}, "charging: yes"),
         (
             {"safety_state": {"active_emergency_stop": "MANUAL", "field_violation": False}},
             "emergency stop: MANUAL",

@@ -147,16 +147,6 @@ def version_of(payload: bytes) -> str | None:
         return None
 
 
-def codec_of_header(payload: bytes) -> Codec | None:
-    """Return the codec for a robot, from the header of its connection or factsheet.
-
-    An unsupported version yields the nearest older one of the same major version. None if there is no such
-    version or no header.
-    """
-    version = version_of(payload)
-    return None if version is None else nearest_codec(version)
-
-
 @lru_cache(maxsize=100)
 def nearest_codec(version: str) -> Codec | None:
     """Return the codec of this version, or of the nearest older one of the same major version."""

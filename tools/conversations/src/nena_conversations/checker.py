@@ -244,11 +244,15 @@ class RobotConversation:
         self._instants = InstantConversation()
         self._requests: BoundedDict[str, None] = BoundedDict()
         self._state: State | None = None
+        self._reported_unsupported = False
         self._cleared: str | None = None
         """Order at the last state in a mode that clears orders; later states may still show parts of it."""
 
     def check(self, received: ReceivedMessage) -> Iterator[Problem]:
         """Check the next message and yield its problems."""
+        if received.unsupported and not self._reported_unsupported:
+            self._reported_unsupported = True
+            yield Rule.VERSION, Severity.ERROR, received.unsupported
         yield from message_problems(received)
         if received.message is None:
             return
@@ -384,7 +388,7 @@ def _findings_of(received: ReceivedMessage, problem: Problem) -> Iterator[Findin
             time=received.time,
             robot=received.robot,
             topic=received.topic,
-            version=received.codec.version,
+            version=received.version if rule is Rule.VERSION else received.codec.version,
             rule=rule,
             section=section,
             severity=severity,

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from datetime import datetime
 from enum import StrEnum
 from typing import Final
+
+from pydantic_core import from_json, to_json
 
 from nena_conversations.recording import Entry
 from nena_shared.vda5050.base import Header
@@ -13,9 +16,9 @@ from nena_shared.vda5050.codec import KINDS, Codec
 from nena_shared.vda5050.command_reader import read_command
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.message_reader import MessageReader
-from nena_shared.vda5050.repair import Repair
+from nena_shared.vda5050.repair import Repair, version_number
 from nena_shared.vda5050.topics import RobotKey, Topic
-from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_of_header, nearest_codec
+from nena_shared.vda5050.versions import CODECS, UnknownVersionError, nearest_codec
 
 LEVELS: Final = 4
 """Topic levels that are read: major version, manufacturer, serial number, topic name."""
@@ -57,6 +60,10 @@ class ReceivedMessage:
     codec: Codec
     payload: bytes
     message: Header | None
+    version: str
+    """Version that the header names, else the topic: ``2.1.0``, ``2.x``."""
+    unsupported: str | None
+    """Reason why the message is not read in the version that it names; its topic may name another one."""
     problems: tuple[str, ...] = ()
 
     @property
@@ -77,13 +84,26 @@ def parse(entry: Entry, number: int) -> ReceivedMessage | None:
         return None
     major, manufacturer, serial_number, last = levels[-LEVELS:]
     topic = Topic(last)
-    codec = _codec_of(entry.payload, major)
+    stated, level = _stated_version(entry.payload), _LEVEL.match(major)
+    of_header = nearest_codec(stated) if stated else None
+    # The newest minor of the topic's major, which is all that a topic names.
+    of_topic = nearest_codec(f"{level[1]}.999.0") if level else None
+    version = stated or (f"{level[1]}.x" if level else "unknown")
+    # Without any version, the newest codec reports the problems; rules of 1.x are numbered as in 2.0.
+    codec = of_header or of_topic or list(CODECS.values())[0 if stated or level else -1]
+    unsupported = None
+    if of_header is None and (stated or (level and of_topic is None)):
+        unsupported = f"VDA 5050 {version.partition('.')[0]}.x is not supported"
+        if of_topic:
+            unsupported += f"; read as {codec.version}, because the topic has {major}"
+            entry = replace(entry, payload=to_json({**from_json(entry.payload), "version": codec.version}))
     message: Header | None = None
     problems: tuple[str, ...] = ()
-    try:
-        message = codec.decode(KINDS[topic], entry.payload)
-    except MalformedMessageError as error:
-        problems = _deviations(entry, topic, major, codec) or error.problems
+    if of_topic or not unsupported:
+        try:
+            message = codec.decode(KINDS[topic], entry.payload)
+        except MalformedMessageError as error:
+            problems = _deviations(entry, topic, major, codec) or error.problems
     return ReceivedMessage(
         number=number,
         time=entry.time,
@@ -94,6 +114,8 @@ def parse(entry: Entry, number: int) -> ReceivedMessage | None:
         codec=codec,
         payload=entry.payload,
         message=message,
+        version=version,
+        unsupported=unsupported,
         problems=problems,
     )
 
@@ -118,10 +140,14 @@ def sender_of(topic: str) -> Sender | None:
     return SENDERS[Topic(last)] if last in set(Topic) else None
 
 
-def _codec_of(payload: bytes, major: str) -> Codec:
-    """Choose the codec by header, else by topic, else the newest one, which then reports the problems."""
-    found = codec_of_header(payload)
-    if found is None and major[:1] == "v" and major[1:].isdecimal():
-        # The newest minor of the topic's major, which is all that a topic names.
-        found = nearest_codec(f"{major[1:]}.999.0")
-    return found or list(CODECS.values())[-1]
+_LEVEL: Final = re.compile(r"v(\d{1,3})(?!\d)", re.ASCII | re.IGNORECASE)
+"""Start of a topic level with a major version: ``v2``, also ``v2.0.0``."""
+
+
+def _stated_version(payload: bytes) -> str | None:
+    """Return the version in a header, completed to three numbers; None if it names none."""
+    try:
+        content = from_json(payload)
+    except ValueError:
+        return None
+    return version_number(content.get("version")) if isinstance(content, dict) else None

@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Self, TextIO
+from typing import Annotated, Any, Final, Self, TextIO
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import ValidationInfo as Info
+from pydantic_core import to_json
 
 from nena_shared.findings import in_words
+
+EXPECTED: Final = (
+    "A recording has one JSON object per line with time, topic and payload, as from `nena vda5050 record` or "
+    "`mosquitto_sub -F %j`; lines with topic and payload, as from `mosquitto_sub -v`, are read too"
+)
+_VERBOSE: Final = re.compile(r"(?:(?P<time>\d\S*) )?(?P<topic>[^\s{\"]*/[^\s{\"]+) (?P<payload>\{.*\})")
+_TIMESTAMP: Final = re.compile(r'"timestamp":\s*"(\d{4}-\d\d-\d\dT[\d:.]+(?:Z|[+-]\d\d:?\d\d))"')
+_UTF_16: Final = (b"\xff\xfe", b"\xfe\xff")
+EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
+"""Time of messages before the first time in a recording."""
 
 
 class RecordingError(Exception):
@@ -30,6 +43,19 @@ class _Line(BaseModel):
     qos: Annotated[int, Field(ge=0, le=2)] = 0
     retain: bool = False
 
+    @model_validator(mode="before")
+    @classmethod
+    def _of_other_tools(cls, content: Any, info: Info) -> Any:  # noqa: ANN401 - whatever the JSON holds
+        """Read what `mosquitto_sub` and others write: payloads as JSON, other names of the time or none."""
+        if not isinstance(content, dict) or content.get("payload") is None:
+            return content
+        payload = content["payload"]
+        text = payload if isinstance(payload, str) else to_json(payload).decode()
+        times = (content[key] for key in ("time", "tst", "timestamp") if content.get(key))
+        time = next(times, (_TIMESTAMP.findall(text) or [info.context])[0])
+        # mosquitto_sub writes both Z and a zone.
+        return {**content, "payload": text, "time": re.sub(r"Z(?=[+-]\d{4}$)", "", str(time))}
+
 
 @dataclass(frozen=True, slots=True)
 class Entry:
@@ -42,14 +68,17 @@ class Entry:
     retain: bool = False
 
     @classmethod
-    def from_json(cls, line: str) -> Self:
-        """Parse a line of a recording.
+    def from_json(cls, line: str, time: datetime | None = None) -> Self:
+        """Parse a line of a recording, or of another tool's; without a time, its message has ``time``.
 
         Raises:
             ValueError: the line is invalid.
 
         """
-        read = _Line.model_validate_json(line)
+        if verbose := _VERBOSE.fullmatch(line.strip()):
+            read = _Line.model_validate(verbose.groupdict(), context=time)
+        else:
+            read = _Line.model_validate_json(line, context=time)
         if read.payload_base64 is not None:
             payload = base64.b64decode(read.payload_base64, validate=True)
         else:
@@ -80,7 +109,7 @@ def read(lines: Iterable[str], name: str) -> Iterator[Entry]:
         if not line.strip():
             continue
         try:
-            before = Entry.from_json(line)
+            before = Entry.from_json(line, before.time if before else EPOCH)
         except ValueError as error:
             # 0010: a recording ends in the middle of a line if its writer was killed.
             if before and not line.endswith("\n"):
@@ -90,9 +119,10 @@ def read(lines: Iterable[str], name: str) -> Iterator[Entry]:
 
 
 def _problem_at(error: ValueError, where: str) -> str:
-    if not isinstance(error, ValidationError):
-        return f"{where}: {error}"
-    return f"{where}: {in_words(error.errors(include_url=False)[:1], whole='line')[0]}"
+    problem = str(error)
+    if isinstance(error, ValidationError):
+        problem = in_words(error.errors(include_url=False)[:1], whole="line")[0]
+    return f"{where}: {problem}. {EXPECTED}"
 
 
 def read_file(path: Path) -> Iterator[Entry]:
@@ -103,10 +133,17 @@ def read_file(path: Path) -> Iterator[Entry]:
 
     """
     try:
-        with path.open(encoding="utf-8") as file:
+        with path.open("rb") as binary:
+            start = binary.read(5)
+        # PowerShell writes UTF-16.
+        with path.open(encoding="utf-16" if start[:2] in _UTF_16 else "utf-8-sig") as file:
             yield from read(file, str(path))
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
         message = f"{path} cannot be read: {error}"
+        raise RecordingError(message) from error
+    except UnicodeError as error:
+        what = "a black box; open it in Foxglove" if start == b"\x89MCAP" else "no text"
+        message = f"{path} is {what}. {EXPECTED}"
         raise RecordingError(message) from error
 
 

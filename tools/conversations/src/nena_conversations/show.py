@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from datetime import datetime
+from math import hypot
 from typing import Any
 
 from rich.console import Console
@@ -19,7 +20,7 @@ from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.request import EdgeRequest, ZoneRequest
 from nena_shared.vda5050.responses import Responses
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.state import MobileRobotPosition, State
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.zone_set import ZoneSetTransfer
 
@@ -108,10 +109,14 @@ def _place_changes(now: State, before: State | None) -> Iterator[str]:
         if there:
             yield "position unknown"
         return
-    if there is None or abs(here.x - there.x) + abs(here.y - there.y) > MOVED or here.map_id != there.map_id:
+    if there is None or _is_moved(here, there):
         yield f"at x {here.x:.2f}, y {here.y:.2f} on '{here.map_id}'"
     if there is None or here.localized is not there.localized:
         yield "localised" if here.localized else "not localised"
+
+
+def _is_moved(here: MobileRobotPosition, there: MobileRobotPosition) -> bool:
+    return hypot(here.x - there.x, here.y - there.y) >= MOVED or here.map_id != there.map_id
 
 
 def _action_changes(now: State, before: State | None) -> Iterator[str]:
@@ -137,7 +142,7 @@ def _error_changes(now: Iterable[ErrorEntry], before: Iterable[ErrorEntry]) -> I
 
 def _other_changes(now: State, before: State | None) -> Iterator[str]:
     old = before.power_supply if before else None
-    if old is None or int(now.power_supply.state_of_charge) != int(old.state_of_charge):
+    if old is None or round(now.power_supply.state_of_charge) != round(old.state_of_charge):
         yield f"battery {now.power_supply.state_of_charge:.0f} %"
     yield from _changed_value("charging", now.power_supply.charging, old.charging if old else None)
     yield from _changed_value("loads", _list_loads(now), _list_loads(before) if before else None)
@@ -221,16 +226,30 @@ def show(
 def readable(entries: Iterable[Entry]) -> Iterator[tuple[ReceivedMessage, list[str]]]:
     """Yield each message of VDA 5050 with its description; states by their changes."""
     states: dict[RobotKey, State] = {}
+    unsupported: set[tuple[RobotKey, str]] = set()
     for number, entry in enumerate(entries, start=1):
         received = parse(entry, number)
         if received is None:
             continue
-        if received.message is None:
-            yield received, [f"malformed: {problem}" for problem in received.problems]
-            continue
-        yield received, describe(received.message, states.get(received.robot))
-        if isinstance(received.message, State):
-            states[received.robot] = received.message
+        lines = [f"malformed: {problem}" for problem in received.problems]
+        if received.message is not None:
+            before = states.get(received.robot)
+            lines += describe(received.message, before)
+            if isinstance(received.message, State):
+                states[received.robot] = _with_shown_position(received.message, before)
+        if received.unsupported and (received.robot, received.unsupported) not in unsupported:
+            unsupported.add((received.robot, received.unsupported))
+            lines.insert(0, received.unsupported)
+        if lines:
+            yield received, lines
+
+
+def _with_shown_position(now: State, before: State | None) -> State:
+    """Return a state with the position that was shown last: small moves add up."""
+    here, there = now.mobile_robot_position, before.mobile_robot_position if before else None
+    if here and there and not _is_moved(here, there):
+        here = here.model_copy(update={"x": there.x, "y": there.y})
+    return now.model_copy(update={"mobile_robot_position": here})
 
 
 def _heading_of(received: ReceivedMessage) -> Text:
@@ -243,7 +262,7 @@ def _heading_of(received: ReceivedMessage) -> Text:
     return Text.assemble(
         (f"{received.number:>6} {_clock_time(received.time)} ", "dim"),
         (f"{direction} {received.topic}", colour),
-        (f" {received.codec.version}{retained}", "dim"),
+        (f" {received.version}{retained}", "dim"),
     )
 
 

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from nena_plant_formats import lif, opentcs_xml
 from nena_plant_formats.exchange import ImportReport, letters_of, parse_json, records_in, refusal
-from nena_plant_formats.other_files import name_by_fields, name_by_lines, name_by_start
+from nena_plant_formats.other_files import name_of
 from nena_shared.findings import in_words
 from nena_shared.plant.checks import find_errors, find_warnings
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
@@ -30,38 +30,26 @@ class PlantFormat(StrEnum):
 def format_of(data: bytes) -> PlantFormat:
     """Return the format of a plant model; a text of no known form counts as XML. Raises PlantModelError."""
     text = _json_bytes(data)
-    if other := name_by_start(text):
-        raise _not_a_plant_model(other)
-    if not text.startswith((b"{", b"[")):
-        if not text.startswith(b"<") and (other := name_by_lines(text)):
-            raise _not_a_plant_model(other)
-        return PlantFormat.OPENTCS
+    content, malformed = None, None
     try:
-        content = parse_json(text)
+        content = parse_json(text) if text.startswith((b"{", b"[")) else None
     except PlantModelError as error:
-        if other := name_by_lines(text):
-            raise _not_a_plant_model(other) from error
-        raise
+        malformed = error
     # One of them is enough: then the reader of LIF names what is missing.
     if isinstance(content, dict) and _LIF & set(map(letters_of, content)):
         return PlantFormat.LIF
-    if other := name_by_fields(content, _NENA):
-        raise _not_a_plant_model(other)
-    return PlantFormat.NENA
-
-
-def _not_a_plant_model(other: str) -> PlantModelError:
-    text = f"this is {other}. A plant model is openTCS XML, LIF or NeNa's JSON (docs/plant-models.md)"
-    return refusal("NOT_A_PLANT_MODEL", text)
+    if other := name_of(text, content, _NENA):
+        other += ". A plant model is openTCS XML, LIF or NeNa's JSON (docs/plant-models.md)"
+        raise refusal("NOT_A_PLANT_MODEL", f"this is {other}") from malformed
+    if malformed:
+        raise malformed
+    return PlantFormat.OPENTCS if content is None else PlantFormat.NENA
 
 
 _LIF: Final = frozenset({"metainformation", "layouts", "origins"})
 """Fields of LIF files, in small letters; NeNa's JSON has none of them."""
-_NENA: Final = frozenset(field.alias or "" for field in PlantModel.model_fields.values()) - {
-    "name",
-    "properties",
-}
-"""Fields of NeNa's JSON, without those that other JSON has as well."""
+_NENA: Final = {field.alias or "" for field in PlantModel.model_fields.values()} - {"name", "properties"}
+"""Fields of NeNa's JSON, without those of much other JSON."""
 
 
 def read(data: bytes, *, strict: bool = False) -> ImportReport:

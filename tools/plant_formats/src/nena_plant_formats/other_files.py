@@ -10,7 +10,8 @@ _REDRAW: Final = "draw its points and paths in openTCS's model editor, or export
 _IMAGE: Final = "draw points and paths over it in openTCS's model editor, and save them as XML"
 _MESSAGES: Final = "`nena vda5050 show` and `check` read recordings of messages"
 
-_BY_START: Final = (
+_COMMENTS: Final = rb"(?:[ \t]*(?:#[^\n]*|---[^\n]*|%[^\n]*)?\r?\n)*"
+_BY_TEXT: Final = (
     (rb"\Z", "an empty file; save or copy it again"),
     # PNM, PNG, JPEG, GIF, BMP, TIFF, WebP
     (rb"P[1-6]\s|\x89PNG|\xff\xd8\xff|GIF8|BM.{4}\0{4}|II\*\0|MM\0\*|RIFF.{4}WEBP", f"an image; {_IMAGE}"),
@@ -19,18 +20,15 @@ _BY_START: Final = (
         "a ZIP archive; unpack it, or open it in openTCS 4 if that saved it, and save it as XML",
     ),
     (rb"\x1f\x8b|BZh|\xfd7zXZ|7z\xbc\xaf|\x28\xb5\x2f\xfd", "a compressed file; unpack it"),
-    (rb"\s*(999\r?\n[^\n]*\n\s*)*0\r?\n\s*SECTION|AutoCAD Binary DXF|AC10\d\d", f"a CAD drawing; {_REDRAW}"),
+    (rb"(999\r?\n[^\n]*\n\s*)*0\r?\n\s*SECTION|AutoCAD Binary DXF|AC10\d\d", f"a CAD drawing; {_REDRAW}"),
     (rb"%PDF", f"a PDF document; {_REDRAW}"),
     (rb"#ROSBAG|\x89MCAP|SQLite format 3", f"a recording or a database; {_REDRAW}"),
     (rb"(?i:<!doctype html|<html)", "a web page; download the file that the page shows"),
     (rb"version https://git-lfs", "a pointer of Git LFS; fetch the file with `git lfs pull`"),
     # expat reads XML in UTF-16.
     (rb"\xff\xfe(?!<)|\xfe\xff(?!\0<)|[{\[]\0|\0[{\[]", "text in UTF-16; save it as UTF-8"),
-)
-_COMMENTS: Final = rb"(?:[ \t]*(?:#[^\n]*|---[^\n]*|%[^\n]*)?\r?\n)*"
-_BY_LINES: Final = (
-    (rb"(?=.*^image\s*:)(?=.*^resolution\s*:)", f"a map of Nav2's map_server (YAML); {_IMAGE}"),
-    (rb".*^(levels|building_name)\s*:", f"a building or navigation graph of Open-RMF (YAML); {_REDRAW}"),
+    (rb"(?!<)(?=.*^image\s*:)(?=.*^resolution\s*:)", f"a map of Nav2's map_server (YAML); {_IMAGE}"),
+    (rb"(?!<).*^(levels|building_name)\s*:", f"a building or navigation graph of Open-RMF (YAML); {_REDRAW}"),
     (rb"\{[^\n]*\"(topic|headerId)\"[^\n]*\}\s*\{", f"messages as JSON lines; {_MESSAGES}"),
     (
         _COMMENTS + rb"\[{0,2}[\w.\"-]+(\]{1,2}[ \t\r]*(#[^\n]*)?$|[ \t]*=)",
@@ -47,22 +45,17 @@ _BY_FIELDS: Final = (
     ({"headerId"}, f"a message of VDA 5050; {_MESSAGES}"),
 )
 _HEAD: Final = 65_536
-"""Bytes of a text in which its lines are looked for."""
+"""Bytes of a text that are looked at."""
 
 
-def name_by_start(data: bytes) -> str | None:
-    """Return what a file is by its first bytes, and what to do with it; None if they do not tell."""
-    return next((text for start, text in _BY_START if re.match(start, data, re.DOTALL)), None)
+def name_of(data: bytes, content: Any, known: Collection[str]) -> str | None:  # noqa: ANN401 - whatever the JSON holds
+    """Return what a file is, and what to do with it; None for a text that is not recognised.
 
-
-def name_by_lines(data: bytes) -> str | None:
-    """Return what a text is that is neither JSON nor XML, and what to do with it; None if unknown."""
-    head, flags = data[:_HEAD], re.DOTALL | re.MULTILINE
-    return next((text for lines, text in _BY_LINES if re.match(lines, head, flags)), None)
-
-
-def name_by_fields(content: Any, known: Collection[str]) -> str | None:  # noqa: ANN401 - whatever the JSON holds
-    """Return what a JSON value is, and what to do with it; None if it is an object with a known field."""
+    ``content`` is what JSON holds, None if it is none; objects with one of the ``known`` fields are expected.
+    """
+    if content is None:
+        head, flags = data[:_HEAD], re.DOTALL | re.MULTILINE
+        return next((text for start, text in _BY_TEXT if re.match(start, head, flags)), None)
     first = content[0] if isinstance(content, list) and content else content
     if not isinstance(first, dict):
         return f"JSON without an object; {_REDRAW}"
