@@ -53,8 +53,11 @@ class Broker:
 
     def publish(self, message: Outbound) -> None:
         """Publish a message."""
-        if message.retain:
+        if message.retain and message.payload:
             self._retained[message.topic] = message
+        elif message.retain:
+            # MQTT 3.1.1, 3.3.1.3: an empty retained message removes the one before.
+            self._retained.pop(message.topic, None)
         elif self._conditions.loss and self._random.random() < self._conditions.loss:
             return
         hearers = self._hearers.get(message.topic)
