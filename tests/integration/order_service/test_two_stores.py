@@ -103,6 +103,16 @@ async def test_it_leads_once_the_first_leader_has_left(fleet: Fleet) -> None:
     await listening(second)
 
 
+async def test_a_leader_that_ends_clears_its_record(fleet: Fleet) -> None:
+    program = fleet.order_service()
+    await listening(await program.client())
+    program.process.terminate()
+    assert await asyncio.to_thread(program.process.wait, PATIENCE) == 0
+    with MqttPeer(fleet.broker, topic(fleet)) as peer:
+        peer.catch_up()
+        assert peer.received() == []
+
+
 async def test_a_stale_record_does_not_block_a_new_leader(fleet: Fleet) -> None:
     """As a broker keeps it that lost power together with the order service."""
     left = LeaderRecord(store="gone", epoch=2**40, instance="gone")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable, Collection, Mapping
+from collections.abc import Awaitable, Callable, Collection, Iterable, Mapping
 from functools import cache, partial
 from itertools import chain
 from secrets import token_hex
@@ -14,6 +14,7 @@ from fastapi import FastAPI
 
 from nena_order_service.api.asyncapi import document
 from nena_order_service.api.audit import record_current
+from nena_order_service.api.broker_check import BrokerCheck
 from nena_order_service.api.events import EventStream
 from nena_order_service.api.hosts import HostServices
 from nena_order_service.api.metrics import exposition
@@ -43,6 +44,7 @@ from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
 from nena_shared.mqtt import BrokerLink, LinkHooks, MqttLink, Term, always
+from nena_shared.mqtt.broker_check import LACKS, BrokerLack
 from nena_shared.plant import PlantModel
 from nena_shared.settings import settings_of
 from nena_shared.tasks import forever
@@ -94,7 +96,12 @@ class OrderService:
         self.engine = engine = make_engine(settings, plant, store, clock)
         stops, work = engine.stops, engine.unit_of_work
         self.heartbeat = Heartbeat(
-            topics, clock, epoch=epoch, store_ready=lambda: store.ready, stops=stops.statuses
+            topics,
+            clock,
+            epoch=epoch,
+            store_ready=lambda: store.ready,
+            stops=stops.statuses,
+            broker_lacks=lambda: self.broker_check.lacks,
         )
         hooks = LinkHooks(self.heartbeat.will, lambda: chain(self.publisher.greeting(), devices.greeting()))
         self.mqtt = mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)
@@ -102,6 +109,16 @@ class OrderService:
         devices = PeripheralLink(mqtt, topics, engine)
         self.publisher = StatusPublisher(
             mqtt, topics, engine, plant_json=plant_json, end_kept=settings.end_kept, epoch=epoch
+        )
+        self.broker_check = BrokerCheck(
+            mqtt,
+            settings.mqtt,
+            client_id=client_id,
+            prefix=settings.topic_prefix,
+            signs="".join(
+                sign for sign in ". " if any(sign in str(vehicle.key) for vehicle in engine.registry)
+            ),
+            statuses=self.publisher.statuses,
         )
         self.sweep = RetainedSweep(
             settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=self.publisher
@@ -133,7 +150,13 @@ class OrderService:
             plant_json=plant_json,
             change_plant=change_plant,
             asyncapi=cache(lambda: json.dumps(document(topics)).encode()),
-            readiness=lambda: readiness(mqtt, store, self.loop_lag.longest, failed=work.failed.is_set()),
+            readiness=lambda: readiness(
+                mqtt,
+                store,
+                self.loop_lag.longest,
+                lacks=self.broker_check.lacks,
+                failed=work.failed.is_set(),
+            ),
             max_body=settings.max_body,
             metrics=exposition(self, extensions),
             routers=[router for extension in extensions for router in extension.routers()],
@@ -174,6 +197,7 @@ class OrderService:
         start("heartbeat", self.heartbeat.run(self.mqtt))
         start("zone sets", self.hosts.zones.run())
         start("retained sweep", self.sweep.run(), vital=False)
+        start("broker check", self.broker_check.run(), vital=False)
         for extension in self.extensions.values():
             for name, work in extension.tasks().items():
                 start(name, self._once_elected(partial(forever, name, work)), vital=False)
@@ -248,7 +272,14 @@ def _client_id(settings: OrderServiceSettings, epoch: int) -> str:
     return f"{name}-{epoch}" if epoch else name
 
 
-def readiness(mqtt: MqttLink, store: Store, loop_lag: float = 0.0, *, failed: bool = False) -> Readiness:
+def readiness(
+    mqtt: MqttLink,
+    store: Store,
+    loop_lag: float = 0.0,
+    *,
+    lacks: Iterable[BrokerLack] = (),
+    failed: bool = False,
+) -> Readiness:
     """Return whether the broker is connected and the store can be written, and any problems."""
     problems = []
     if not mqtt.state.connected:
@@ -265,6 +296,7 @@ def readiness(mqtt: MqttLink, store: Store, loop_lag: float = 0.0, *, failed: bo
     if mqtt.state.set_aside:
         topics = ", ".join(mqtt.state.set_aside)
         problems.append(f"The MQTT broker ends the connection at messages on {topics}: they are not sent.")
+    problems += [LACKS[lack] for lack in lacks]
     return Readiness(
         ready=ready,
         broker_connected=mqtt.state.connected,

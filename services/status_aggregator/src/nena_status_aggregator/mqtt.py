@@ -95,7 +95,8 @@ class FleetSubscriber:
             client_id=f"nena-status-aggregator-{token_hex(4)}",
             hooks=LinkHooks(on_lost=self._on_connection_lost),
         )
-        self._subscribe_robots(schemes(settings))
+        self._own_schemes = schemes(settings)
+        self._subscribe_robots(self._own_schemes)
         self._subscribe_fleet()
 
     async def run(self) -> None:
@@ -293,6 +294,15 @@ class FleetSubscriber:
         self._reader.only_map = plant.only_map() if plant else ""
         if plant:
             self._subscribe_robots(schemes_of(plant.vehicles))
+            self._subscribe_by_name(plant.vehicles)
+
+    def _subscribe_by_name(self, vehicles: Iterable[Vehicle]) -> None:
+        """Subscribe to what robots retain by its name: RabbitMQ delivers it to no wildcard subscription."""
+        for vehicle in vehicles:
+            robot = _robot_of(vehicle)
+            for scheme in schemes_of([vehicle]) or self._own_schemes:
+                for topic in (Topic.CONNECTION, Topic.FACTSHEET):
+                    self.mqtt.subscribe_by_name(scheme.of(robot, topic))
 
     def _read_vehicle_status(self, inbound: Inbound, at: Timestamp) -> None:
         if not inbound.payload or not self._epochs.is_current(inbound.payload):
@@ -356,13 +366,14 @@ def schemes_of(vehicles: Iterable[Vehicle]) -> tuple[TopicScheme, ...]:
     found: dict[TopicScheme, None] = {}
     for vehicle in vehicles:
         if (prefix := vehicle.topic_prefix) and _is_prefix(prefix):
-            robot = RobotKey(
-                vehicle.manufacturer or DEFAULT_MANUFACTURER, vehicle.serial_number or vehicle.name
-            )
-            found[TopicScheme.below(prefix, vehicle.protocol_version, robot)] = None
+            found[TopicScheme.below(prefix, vehicle.protocol_version, _robot_of(vehicle))] = None
         elif (name := vehicle.interface_name) and _is_prefix(name):
             found |= dict.fromkeys(TopicScheme(name, major) for major in ("v2", "v3"))
     return tuple(found)
+
+
+def _robot_of(vehicle: Vehicle) -> RobotKey:
+    return RobotKey(vehicle.manufacturer or DEFAULT_MANUFACTURER, vehicle.serial_number or vehicle.name)
 
 
 def _is_prefix(name: str) -> bool:

@@ -6,6 +6,7 @@ from typing import Final
 
 from nena_shared.fleet_api.base import Moment, Resource
 from nena_shared.fleet_api.stops import StopStatus
+from nena_shared.mqtt.broker_check import BrokerLack
 
 HEARTBEAT: Final = 2.0
 """Heartbeat interval, seconds."""
@@ -23,5 +24,7 @@ class ServiceStatus(Resource):
     """Time by the order service's clock; in a last will, the time of connecting."""
     store_ready: bool = False
     """Whether new orders are accepted."""
+    broker_lacks: tuple[BrokerLack, ...] = ()
+    """What the MQTT broker does not do; unknown (empty) unless ``online``."""
     stops: tuple[StopStatus, ...] = ()
     """The active stops, the oldest first; unknown (empty) unless ``online``."""

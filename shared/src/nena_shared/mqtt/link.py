@@ -405,12 +405,16 @@ class MqttLink:
             self._subscribe_late(self._session)
 
     def subscribe_by_name(self, topic: str) -> None:
-        """Also subscribe to ``topic`` of a wildcard subscription by its name, on the next connect.
+        """Also subscribe to ``topic`` of a wildcard subscription by its name, now or on the next connect.
 
         RabbitMQ delivers retained messages only so. Other brokers may then deliver a message once for each
         subscription, and each delivery reaches the handler.
         """
+        if topic in self._names:
+            return
         self._names.append(topic)
+        if self._session:
+            self._subscribe_late(self._session)
 
     def publish(self, message: Outbound) -> None:
         """Send ``message`` now, or if ``keep`` is set, when the link is up again; see :class:`Outbox`."""

@@ -229,18 +229,24 @@ def test_stops_are_published_and_kept_while_the_order_service_is_down() -> None:
 
 def test_stopped_order_service_is_published_with_its_last_heartbeat() -> None:
     site = Site()
-    assert site.view()["orderService"] == {"up": None, "lastSign": None, "stops": []}
+    assert site.view()["orderService"] == {"up": None, "lastSign": None, "stops": [], "brokerLacks": []}
     site.model.on_service_status(service(online=True, at=0), timestamp(0), retained=False)
-    assert site.view()["orderService"] == {"up": True, "lastSign": None, "stops": []}
+    assert site.view()["orderService"] == {"up": True, "lastSign": None, "stops": [], "brokerLacks": []}
     site.pass_time(1)
     site.model.on_service_status(service(online=False, at=0), timestamp(1), retained=False)
-    assert site.view()["orderService"] == {"up": False, "lastSign": iso(START), "stops": []}
+    assert site.view()["orderService"] == {
+        "up": False,
+        "lastSign": iso(START),
+        "stops": [],
+        "brokerLacks": [],
+    }
     site.model.on_service_status(service(online=True, at=2), timestamp(2), retained=False)
     site.pass_time(1 + LOST_AFTER)
     assert site.view()["orderService"] == {
         "up": False,
         "lastSign": iso(START + timedelta(seconds=2)),
         "stops": [],
+        "brokerLacks": [],
     }
     site.model.on_link(connected=False, at=timestamp(site.now))
-    assert site.view()["orderService"] == {"up": None, "lastSign": None, "stops": []}
+    assert site.view()["orderService"] == {"up": None, "lastSign": None, "stops": [], "brokerLacks": []}

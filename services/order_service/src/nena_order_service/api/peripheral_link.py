@@ -39,6 +39,8 @@ class PeripheralLink:
         mqtt.subscribe(topics.all_peripherals(PeripheralTopic.JOB_STATE), self._handle_answer)
         mqtt.subscribe(topics.all_peripherals(PeripheralTopic.STATE), self._handle_report)
         mqtt.subscribe(topics.all_peripherals(PeripheralTopic.STATUS), self._clear_retained)
+        for location in engine.peripherals.operations:
+            mqtt.subscribe_by_name(topics.peripheral(location, PeripheralTopic.STATE))
 
     def request(self, location: str, request: DeviceRequest) -> None:
         """Ask a device to execute a job."""

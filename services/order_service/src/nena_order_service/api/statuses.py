@@ -22,6 +22,7 @@ from nena_shared.fleet_api.transport_order import OrderSequenceStatus, Transport
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound
+from nena_shared.mqtt.broker_check import BrokerLack
 from nena_shared.settings import MqttSettings
 from nena_shared.tasks import end, set_within
 
@@ -102,6 +103,10 @@ class StatusPublisher:
         The link reads them in parts; later changes are published after them.
         """
         yield Outbound(self.topics.plant_model, self._plant_json, retain=True)
+        yield from self.statuses()
+
+    def statuses(self) -> Iterator[Outbound]:
+        """Yield the statuses of all vehicles and devices, and of orders and sequences that are retained."""
         for vehicle in tuple(self._engine.registry):
             yield self._vehicle_message(self._engine.reporter.vehicle_status(vehicle))
         for location in self._engine.peripherals.operations:
@@ -174,12 +179,14 @@ class Heartbeat:
         epoch: int,
         store_ready: Callable[[], bool],
         stops: Callable[[], tuple[StopStatus, ...]] = tuple,
+        broker_lacks: Callable[[], tuple[BrokerLack, ...]] = tuple,
     ) -> None:
         self._topic = topics.service_status
         self._clock = clock
         self._epoch = epoch
         self._store_ready = store_ready
         self._stops = stops
+        self._broker_lacks = broker_lacks
         self._due = asyncio.Event()
         self._ended = False
 
@@ -210,6 +217,7 @@ class Heartbeat:
             online=online,
             timestamp=self._clock.now(),
             store_ready=online and self._store_ready(),
+            broker_lacks=self._broker_lacks() if online else (),
             stops=self._stops() if online else (),
         )
         return Outbound(

@@ -13,6 +13,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.reasons import TEXTS
+from nena_shared.mqtt.broker_check import LACKS
 from nena_shared.web.access import AccessControl, access_tokens_of
 from nena_shared.web.metrics import METRICS, metrics_response
 from nena_shared.web.problem import describe_problems, make_problem_router
@@ -95,6 +96,8 @@ def make_health_router(aggregator: Aggregator, exposition: Exposition) -> APIRou
                 f"The MQTT broker ends the connection at messages on {', '.join(topics)}: they are not sent."
             )
             return {"status": "ready", "problem": why}
+        if lacks := aggregator.model.order_service.broker_lacks:
+            return {"status": "ready", "problem": " ".join(LACKS[lack] for lack in lacks)}
         return {"status": "ready"}
 
     @router.get(METRICS, response_class=PlainTextResponse)

@@ -15,6 +15,7 @@ from nena_shared.fleet_api.service_status import LOST_AFTER, ServiceStatus
 from nena_shared.fleet_api.stops import StopStatus
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.mqtt.broker_check import BrokerLack
 from nena_shared.plant.model import PlantModel
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
@@ -38,7 +39,13 @@ from nena_status_aggregator.fleet.view_builder import (
     view_robot,
     view_stop,
 )
-from nena_status_aggregator.fleet.views import FleetView, OrderView, PeripheralView, RobotView
+from nena_status_aggregator.fleet.views import (
+    FleetView,
+    OrderServiceView,
+    OrderView,
+    PeripheralView,
+    RobotView,
+)
 
 
 class OrderServiceWatch:
@@ -53,20 +60,22 @@ class OrderServiceWatch:
         """Time of the last heartbeat; None: none received."""
         self.stops: tuple[StopStatus, ...] = ()
         """The active stops; a last will does not have them."""
+        self.broker_lacks: tuple[BrokerLack, ...] = ()
+        """What it has found that the broker does not do."""
 
     def apply_status(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
         """Store a status."""
         self._last, self._received_at = status, at.monotonic
         # The timestamp of a retained status is old, that of a last will is the one of the connection.
         if status.online:
-            self.stops = status.stops
+            self.stops, self.broker_lacks = status.stops, status.broker_lacks
             self.last_sign = status.timestamp if retained else at.utc
             if not retained:
                 self.skew.measure(status.timestamp, at.utc)
 
     def forget_status(self) -> None:
         """Forget the status: the broker link is down, or the broker no longer retains it."""
-        self._last, self.last_sign, self.stops = None, None, ()
+        self._last, self.last_sign, self.stops, self.broker_lacks = None, None, (), ()
         self.skew = ClockSkew()
 
     def is_up(self, now: Timestamp) -> bool | None:
@@ -411,7 +420,9 @@ class FleetModel:
         # While it is up, the time of each heartbeat would be a change for all clients.
         down_since = iso(sign) if sign and up is False else None
         stops = [view_stop(stop) for stop in self.order_service.stops]
-        self._public.order_service = {"up": up, "lastSign": down_since, "stops": stops}
+        lacks = [*self.order_service.broker_lacks]
+        status: OrderServiceView = {"up": up, "lastSign": down_since, "stops": stops, "brokerLacks": lacks}
+        self._public.order_service = status
         self._public.jams = [view_jam(jam) for jam in self.queues.find_jams(at)]
         return self._public.flush(self._view_robot, self._view_order, self._view_peripheral)
 

@@ -117,7 +117,12 @@ class Publication:
         self.peripherals: PublishedViews[str, PeripheralView] = PublishedViews()
         self.plant: PlantView | None = None
         self.link: LinkView = {"connected": False, "since": None}
-        self.order_service: OrderServiceView = {"up": None, "lastSign": None, "stops": []}
+        self.order_service: OrderServiceView = {
+            "up": None,
+            "lastSign": None,
+            "stops": [],
+            "brokerLacks": [],
+        }
         self.jams: list[JamView] = []
         self.malformed: MalformedView = {
             "counts": {},

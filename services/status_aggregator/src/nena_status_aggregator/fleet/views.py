@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing_extensions import TypedDict
 
+from nena_shared.mqtt.broker_check import BrokerLack
+
 
 class PositionView(TypedDict):
     """Position, m and rad in the frame of the map."""
@@ -370,6 +372,8 @@ class OrderServiceView(TypedDict):
     """Time of its last heartbeat, if it is down."""
     stops: list[StopView]
     """The active stops, the oldest first; if it is down, the last known ones."""
+    brokerLacks: list[BrokerLack]
+    """What the MQTT broker does not do."""
 
 
 class JamView(TypedDict):

@@ -33,7 +33,7 @@ export class FleetStore extends EventTarget {
   peripherals = new Map();
   plant = null;
   link = { connected: false, since: null };
-  orderService = { up: null, lastSign: null, stops: [] };
+  orderService = { up: null, lastSign: null, stops: [], brokerLacks: [] };
   jams = [];
   malformed = { counts: {} };
   share = "1/1";

@@ -142,8 +142,8 @@ function judge(store, link) {
   return ["bad", t("link.broker", { time: timeOfDay(store.link.since) })];
 }
 
-function judgeOrderService({ up, lastSign }) {
-  if (up !== false) return ["fine", t("link.back")];
+function judgeOrderService({ up, lastSign, brokerLacks }) {
+  if (up !== false) return brokerLacks.length ? ["wait", brokerLacks.map((lack) => t(`link.lack.${lack}`)).join(" ")] : ["fine", t("link.back")];
   return ["bad", lastSign ? t("link.orderService", { time: timeOfDay(lastSign) }) : t("link.orderService.never")];
 }
 

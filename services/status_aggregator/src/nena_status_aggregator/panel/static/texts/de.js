@@ -108,6 +108,8 @@ export const TEXTS = {
   "link.broker.never":
     "Der Statusaggregator kann keine Verbindung zum MQTT-Broker herstellen. Prüfen Sie, ob der Broker läuft und --mqtt.host und --mqtt.port stimmen.",
   "link.orderService": "Der Auftragsdienst läuft nicht (letztes Lebenszeichen: {time}). Aufträge werden weder angenommen noch zugewiesen. Aufträge und Gründe unten sind veraltet.",
+  "link.lack.names": "Dieser MQTT-Broker verweigert oder ändert Topics mit „.“ oder Leerzeichen (wie NATS und RabbitMQ): Roboter, deren Hersteller oder Seriennummer solche enthält, sind nicht erreichbar. Benennen Sie sie um, oder verwenden Sie einen anderen Broker.",
+  "link.lack.retained": "Dieser MQTT-Broker liefert Wildcard-Abonnements keine gespeicherten Nachrichten (wie RabbitMQ). Nach einem Start können Zustände bis zu 15 s alt sein, und Roboter, die nicht im Anlagenmodell stehen, fehlen, bis sie sich neu verbinden.",
   "link.orderService.never": "Der Auftragsdienst läuft nicht. Aufträge werden weder angenommen noch zugewiesen. Aufträge und Gründe unten sind veraltet.",
   "link.back": "Verbunden.",
 

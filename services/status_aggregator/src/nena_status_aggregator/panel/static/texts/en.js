@@ -108,6 +108,8 @@ export const TEXTS = {
   "link.broker.never":
     "The status aggregator cannot connect to the MQTT broker. Check that the broker is running and that --mqtt.host and --mqtt.port are correct.",
   "link.orderService": "The order service is down (last heartbeat: {time}). No orders are accepted or assigned. Orders and reasons below are out of date.",
+  "link.lack.names": "This MQTT broker refuses or changes topics with “.” or a space (as NATS and RabbitMQ): robots with these in manufacturer or serial number cannot be reached. Rename them, or use another broker.",
+  "link.lack.retained": "This MQTT broker delivers no retained messages to wildcard subscriptions (as RabbitMQ). Statuses may be up to 15 s old after a start, and robots that the plant model does not have are missing until they connect again.",
   "link.orderService.never": "The order service is down. No orders are accepted or assigned. Orders and reasons below are out of date.",
   "link.back": "Connected.",
 

@@ -108,6 +108,8 @@ export const TEXTS = {
   "link.broker.never":
     "De statusaggregator kan geen verbinding maken met de MQTT-broker. Controleer of de broker draait en of --mqtt.host en --mqtt.port kloppen.",
   "link.orderService": "De orderservice draait niet (laatste levensteken: {time}). Orders worden niet aangenomen en niet toegewezen. Orders en redenen hieronder zijn verouderd.",
+  "link.lack.names": "Deze MQTT-broker weigert of wijzigt topics met ‘.’ of een spatie (zoals NATS en RabbitMQ): robots met deze tekens in fabrikant of serienummer zijn niet bereikbaar. Hernoem ze, of gebruik een andere broker.",
+  "link.lack.retained": "Deze MQTT-broker levert geen bewaarde berichten aan wildcard-abonnementen (zoals RabbitMQ). Na een start kunnen toestanden tot 15 s oud zijn, en robots die niet in het installatiemodel staan ontbreken tot ze opnieuw verbinden.",
   "link.orderService.never": "De orderservice draait niet. Orders worden niet aangenomen en niet toegewezen. Orders en redenen hieronder zijn verouderd.",
   "link.back": "Verbonden.",
 
