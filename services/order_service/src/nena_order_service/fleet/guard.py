@@ -114,7 +114,8 @@ class FleetGuard:
             taken = self._taken.result()
             raise FleetTakenError(taken, own_store=taken.store == self._own.store)
         finally:
-            if self._holds:
+            holds, self._holds = self._holds, False  # or our own clearing would be answered by the record
+            if holds:
                 # Brokers discard the last will of a client that disconnects by itself.
                 self._link.publish(Outbound(self._topic, b"", retain=True))
                 with suppress(asyncio.CancelledError):
