@@ -166,9 +166,12 @@ def leave_out(*names: str) -> Change:
 UNREADABLE: dict[str, Change] = {
     "actionStates": lambda content: content.update(actionStates=[{"id": "7", "state": "RUNNING"}]),
     "nodeStates": leave_out("nodeStates"),
-    "version": lambda content: content.update(version="3.0.0"),
+    "message": lambda content: content.update(
+        powerSupply=content.pop("batteryState"),
+        mobileRobotPosition=content.pop("agvPosition") | {"localized": True},
+    ),
     "driving": lambda content: content.update(driving="perhaps"),
-    "orderId": lambda content: content.update(orderId=None, errors="none"),
+    "orderId": lambda content: content.update(orderId={}),
 }
 
 
@@ -211,7 +214,7 @@ async def test_safest_values_replace_missing_ones(
         assert shown["currentPosition"] == "B"
 
 
-@pytest.mark.parametrize("version", ["1.3.2", "0.8.4", "5.0.0"])
+@pytest.mark.parametrize("version", ["1.3.2", "0.8.4", "5.0.0", "3.0.0"])
 async def test_the_topic_decides_how_a_version_that_does_not_exist_is_read(
     fleet: Fleet, service: Start, version: str
 ) -> None:

@@ -35,6 +35,6 @@ async def test_an_old_state_changes_nothing() -> None:
     assert robot
     assert robot.position
     assert robot.position.x == 7.0
-    publish(13, orderId=None, agvPosition=state["agvPosition"] | {"x": 8.0})
+    publish(13, driving="perhaps", agvPosition=state["agvPosition"] | {"x": 8.0})
     assert robot.position.x == 8.0
-    assert "orderId" in robot.unreadable
+    assert "driving" in robot.unreadable
