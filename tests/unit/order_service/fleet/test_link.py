@@ -423,6 +423,15 @@ async def test_waiting_messages_are_read_before_an_order_is_sent_again() -> None
     assert len(sent) == 1
 
 
+def test_robots_whose_names_differ_in_letter_case_are_not_taken_for_each_other() -> None:
+    known = RobotAddresses([V2, V3])
+    robots = (ROBOT, RobotKey("ACME", "R1"), RobotKey("BETA", "r1"))
+    known.expect_vehicles([(robot, Vehicle(name=str(robot))) for robot in robots])
+
+    assert [known.similar_to(V2.of(robot, Topic.CONNECTION)) for robot in robots] == [None, None, None]
+    assert known.similar_to("uagv/v2/OTHER/r1/connection") is None, "several have this serial number"
+
+
 SIMILAR = [
     *("uagv/v2/ACME/R1/connection", "uagv/v2/acme/r1/connection", "uagv/v2/ACME/R1/state"),
     *("uagv/v2.0.0/ACME/r1/connection", "uagv/v2/ACME/r1/connect", "meili/v2/ACME/r1/connection"),

@@ -266,14 +266,14 @@ class RobotAddresses:
         """
         *_, manufacturer, serial_number, name = ["", "", *topic.split("/")]
         robot = RobotKey(manufacturer, serial_number)
-        meant = self._by_letters.get(str(robot).casefold())
-        if meant is None and robot not in self._expected:
-            meant = self._by_letters.get(serial_number.casefold())
+        alike = (self._by_letters.get(name.casefold()) for name in (str(robot), serial_number))
+        meant = robot if robot in self._expected else next(filter(None, alike), None)
         if meant is None:
             return None
-        name = name if name in set(Topic) else Topic.CONNECTION
-        topics = [address.scheme.of(meant, Topic(name)) for address in self._expected[meant]]
-        return None if topic in topics else (meant, self.addresses_of(meant)[0].scheme.of(meant, Topic(name)))
+        level = Topic(name) if name in set(Topic) else Topic.CONNECTION
+        if any(address.scheme.of(meant, level) == topic for address in self._expected[meant]):
+            return None
+        return meant, self.addresses_of(meant)[0].scheme.of(meant, level)
 
     def learn_source(
         self, robot: RobotKey, codec: Codec, scheme: TopicScheme, message: Dated, *, retained: bool
