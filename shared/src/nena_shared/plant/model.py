@@ -312,7 +312,8 @@ class PlantModel(PlantRecord):
 
     def only_map(self, default: str = "") -> str:
         """Return the plant's map, ``default`` for what names none; empty if there is none or several."""
-        names = {place.map_id or default for place in (*self.points, *self.vehicles)} - {""}
+        maps = (*(point.map_id for point in self.points), *(vehicle.map_id for vehicle in self.vehicles))
+        names = {name or default for name in maps} - {""}
         return names.pop() if len(names) == 1 else ""
 
     @cached_property
