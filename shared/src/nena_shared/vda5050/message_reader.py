@@ -158,8 +158,7 @@ class MessageReader:
             return None
         try:
             text = without_mark(payload, repairs)
-            read = _members_read_for(only) | (POSITIONS if self._is_in_degrees(topic) else EVERYWHERE)
-            content = parse_members(text, read) if only else parse(text)
+            content = parse_members(text, _members_read_for(only)) if only else parse(text)
             if not isinstance(content, dict):
                 return None
             stated = version_number(content.get("version"))
@@ -289,7 +288,7 @@ def _members_read_for(paths: frozenset[str]) -> frozenset[str]:
     """Return the members of a message that a repair of the fields at ``paths`` reads."""
     members = {path.partition(".")[0] for path in paths}
     lists = {"nodeStates", "edgeStates"} if "orderId" in members else set()
-    return frozenset(members | lists | {"version", "orderId"})
+    return frozenset(members | lists | POSITIONS | {"version", "orderId"})
 
 
 def _repaired_in(

@@ -133,10 +133,7 @@ EVERYWHERE: Final[frozenset[str]] = frozenset()
 
 
 class _UnrepairableError(Exception):
-    """A value cannot be repaired.
-
-    ``path`` is that of the field, and ``received`` its value, if they are known.
-    """
+    """The value ``received`` at ``path``, if they are known, cannot be repaired."""
 
     def __init__(self, path: str = "", received: str = "") -> None:
         self.path, self.received = path, received
@@ -172,19 +169,20 @@ SAFEST: Final[Mapping[tuple[type[WireObject], str], object]] = {
     (PowerSupply, "charging"): False,
     (MobileRobotPosition, "localized"): False,
     (MobileRobotPosition, "map_id"): "",
-    # 0 and empty texts say nothing: speeds, limits and sizes of a factsheet count as unknown
-    **{(Factsheet, name): {} for name in Factsheet.model_fields if name not in Header.model_fields},
-    **{(ProtocolLimits, name): {} for name in ProtocolLimits.model_fields},
-    **{(PhysicalParameters, name): 0.0 for name in PhysicalParameters.model_fields},
-    **{(Timing, name): 0.0 for name in Timing.model_fields},
-    (TypeSpecification, "series_name"): "",
-    (TypeSpecification, "mobile_robot_kinematics"): "",
-    (TypeSpecification, "mobile_robot_class"): "",
-    (TypeSpecification, "maximum_load_mass"): 0.0,
-    (TypeSpecification, "localization_types"): (),
-    (TypeSpecification, "navigation_types"): (),
-    (ProtocolFeatures, "optional_parameters"): (),
-    (ProtocolFeatures, "mobile_robot_actions"): (),
+    # nothing, 0 and empty texts of a factsheet count as unknown
+    **{
+        (form, field.name): {} if issubclass(field.shape.kind, WireObject) else field.shape.kind()
+        for form in (
+            Factsheet,
+            TypeSpecification,
+            PhysicalParameters,
+            ProtocolLimits,
+            Timing,
+            ProtocolFeatures,
+        )
+        for field in fields_of(form)
+        if field.name not in Header.model_fields
+    },
     (OptionalParameter, "support"): Support.SUPPORTED.value,
     (MobileRobotAction, "pause_allowed"): False,
     (MobileRobotAction, "cancel_allowed"): False,
@@ -279,13 +277,9 @@ POSITIONS: Final = frozenset({"agvPosition", "mobileRobotPosition"})
 def repair_position(
     content: dict[str, Any], repairs: Repairs, *, in_degrees: bool, only_map: str = ""
 ) -> bool:
-    """Convert the robot's heading if its headings are in degrees; return whether they are.
+    """Convert a heading in degrees, and replace an empty mapId by ``only_map``; return ``in_degrees``.
 
-    Args:
-        content: the message.
-        repairs: receives what was repaired.
-        in_degrees: whether an earlier heading was beyond a full turn in radians.
-        only_map: replaces an empty or missing mapId; empty: the plant does not have exactly one map.
+    Headings are in degrees from the first one that is beyond a full turn in radians.
     """
     for name in POSITIONS & content.keys():
         position = content[name]

@@ -260,10 +260,7 @@ class RobotAddresses:
         return self._expected.get(robot) or tuple(map(_oldest_address, self._defaults.values()))
 
     def similar_to(self, topic: str) -> tuple[RobotKey, str] | None:
-        """Return the robot of the plant model whose topic is probably meant, and its topic.
-
-        None if the topic is a robot's own, or similar to none.
-        """
+        """Return the robot whose topic is probably meant, and its topic; None for a right or another one."""
         *_, manufacturer, serial_number, name = ["", "", *topic.split("/")]
         robot = RobotKey(manufacturer, serial_number)
         alike = (self._by_letters.get(name.casefold()) for name in (str(robot), serial_number))
