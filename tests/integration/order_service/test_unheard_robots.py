@@ -15,6 +15,7 @@ from typing import Any, cast
 import httpx
 import pytest
 
+from nena_order_service.fleet import link
 from nena_order_service.fleet.robot import LinkStatus
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.plant import property_keys as keys
@@ -137,6 +138,26 @@ async def test_reason_names_the_robot_that_is_waited_for(fleet: Fleet) -> None:
 
         await reason_of(client, "it waits for the first state of V2")
         await reason_of(client, "travels")
+
+
+@pytest.mark.parametrize("topic", ["{0}x/v2/Honest/robot-2/connection", "{0}/2/Honest/ROBOT-2/connect"])
+async def test_a_similar_topic_is_named_as_the_reason_of_a_robot_that_was_never_heard(
+    fleet: Fleet, monkeypatch: pytest.MonkeyPatch, topic: str
+) -> None:
+    monkeypatch.setattr(link, "SEARCHED_AFTER", 0.1)
+    topic = topic.format(fleet.interface)
+    greeting = WiredRobot(fleet.broker, fleet.interface, HonestRobot(key=SECOND))._connection(
+        ConnectionState.ONLINE
+    )
+    async with started(fleet) as client:
+        with MqttPeer(fleet.broker) as peer:
+
+            async def reason() -> str:
+                peer.publish(topic, greeting.payload)
+                return str((await vehicles(client))["V2"]["reason"])
+
+            expected = f"'{topic}' instead of '{fleet.interface}/v2/Honest/robot-2/connection'"
+            await awaited(reason, lambda text: expected in text, what="the similar topic as the reason")
 
 
 async def test_stop_reaches_robots_that_have_not_reported_and_names_them(fleet: Fleet) -> None:
