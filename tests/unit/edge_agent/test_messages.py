@@ -222,7 +222,7 @@ def test_malformed_messages_are_refused_and_counted(payload: bytes) -> None:
 
     receiver.order(payload)
 
-    assert receiver.refusal == {"topic": "order"}
+    assert receiver.refusal == {"topic": "order"} | ({"parameter": "orderId"} if payload == b"{}" else {})
     assert receiver.inbox.counts.malformed == 1
 
 
@@ -234,7 +234,34 @@ def test_the_readable_ids_of_a_malformed_message_are_referenced() -> None:
 
     receiver.order(json.dumps(content).encode())
 
-    assert receiver.refusal == {"topic": "order", "headerId": "7", "orderId": "o7", "orderUpdateId": "2"}
+    named = {"headerId": "7", "orderId": "o7", "orderUpdateId": "2"}
+    assert receiver.refusal == {"topic": "order", "parameter": "edges", **named}
+
+
+def test_the_error_of_a_refused_message_quotes_the_value() -> None:
+    receiver = Receiver()
+    content = json.loads(CODEC.encode(order("n0", "n1"))) | {"version": "1.3.2"}
+    content["edges"][0]["maxSpeed"] = -1.0
+
+    receiver.order(json.dumps(content).encode())
+
+    (event,) = receiver.events
+    assert isinstance(event, MessageRefused)
+    said = "edges.0.maxSpeed: Input should be greater than or equal to 0 (received -1.0)"
+    assert event.error.error_description == f"not a valid Order: {said}"
+
+
+@pytest.mark.parametrize(("map_ids", "read"), [({"hall"}, True), ({"hall", "yard"}, False)])
+def test_an_order_without_map_is_on_the_only_one_of_the_robot(map_ids: set[str], *, read: bool) -> None:
+    events: list[Event] = []
+    robot, known = RobotKey("ACME", "0001"), frozenset(map_ids)
+    inbox = Inbox(CODEC, robot, events.append, ManualClock(), map_ids=lambda: known)
+    content = json.loads(CODEC.encode(order("n0", "n1")))
+    del content["nodes"][1]["nodePosition"]["mapId"]
+
+    inbox.take_order(Inbound("x/order", json.dumps(content).encode(), retained=False))
+
+    assert [isinstance(event, OrderReceived) for event in events] == [read]
 
 
 @pytest.mark.clause("7.2")

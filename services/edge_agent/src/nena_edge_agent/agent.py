@@ -129,7 +129,7 @@ class RobotAgent:
             wake=self._mailbox.wake,
         )
         self._drives, self._others = Postponed(), Postponed()
-        self._inbox = self._messages.make_inbox(self._mailbox.put, clock)
+        self._inbox = self._messages.make_inbox(self._mailbox.put, clock, lambda: self._core.robot.map_ids)
         self._driver = make_driver(self._mailbox.put, self._core.last_position)
         # Nav2 may still drive to a goal of an earlier run, which the driver must know to continue or end it.
         if own_goals := self._core.own_goals:

@@ -133,13 +133,16 @@ class RobotMessages:
         self.topics = topics_for(settings.version, settings.interface_name)
         self.headers = HeaderMaker(robot, version=settings.version, clock=clock, reserved=reserved)
 
-    def make_inbox(self, put: Callable[[Event], None], clock: Clock) -> Inbox:
-        """Return the reader of the robot's incoming messages."""
+    def make_inbox(
+        self, put: Callable[[Event], None], clock: Clock, map_ids: Callable[[], frozenset[str]]
+    ) -> Inbox:
+        """Return the reader of the robot's incoming messages; ``map_ids`` returns those of its maps."""
         return Inbox(
             self.codec,
             self._robot,
             put,
             clock,
+            map_ids=map_ids,
             actions=self._capabilities.actions,
             strict=self._settings.strict,
         )
@@ -216,6 +219,7 @@ class Inbox:
         put: Callable[[Event], None],
         clock: Clock,
         *,
+        map_ids: Callable[[], frozenset[str]] = frozenset,
         actions: Mapping[str, ActionDeclaration] = NO_ACTIONS,
         strict: bool = False,
     ) -> None:
@@ -224,6 +228,7 @@ class Inbox:
         self._robot = robot
         self._put = put
         self._clock = clock
+        self._map_ids = map_ids
         self._strict = strict
         self._deviations = Deviations(clock)
         self._log = log.bind(robot=str(robot))
@@ -282,7 +287,8 @@ class Inbox:
             command = self._decode_message(kind, message.payload, topic)
         except MalformedMessageError as malformed:
             self.counts.malformed += 1
-            self._refuse_message(str(malformed), topic, malformed.references)
+            problem = f"not a valid {malformed.kind}: {'; '.join(malformed.quoted_problems)}"
+            self._refuse_message(problem, topic, malformed.references)
             return None
         addressee = RobotKey(command.manufacturer, command.serial_number)
         # The header names the robot in both directions (7.2; 2.1: 6.4): another name means a wrong topic.
@@ -299,7 +305,11 @@ class Inbox:
         # A strict robot refuses what violates the standard; others repair what has only one meaning.
         if self._strict:
             return self._codec.decode(kind, payload)
-        command, repairs = read_command(kind, self._codec, payload, now=self._clock.now())
+        map_ids, now = self._map_ids(), self._clock.now()
+        only_map = next(iter(map_ids)) if len(map_ids) == 1 else ""
+        command, repairs = read_command(
+            kind, self._codec, payload, now=now, robot=self._robot, only_map=only_map
+        )
         # The type of a parameter's value is in the robot's factsheet (7.10), not in the message's schema.
         command, texts = self._with_values(command)
         repairs += texts

@@ -2,54 +2,142 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from datetime import datetime
-from typing import TypeVar
+from functools import cache
+from typing import Any, Final, TypeVar
 
 from pydantic_core import from_json
 
-from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.base import Header, WireObject
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
-from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.repair import Repair, Repairs, Scope, repair, repairs_of, without_mark, written
+from nena_shared.vda5050.malformed import MalformedMessageError, quoted
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.repair import (
+    Repair,
+    RepairKind,
+    Repairs,
+    Scope,
+    repair,
+    repairs_of,
+    version_number,
+    without_mark,
+    written,
+)
+from nena_shared.vda5050.shape import fields_of
+from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.versions import nearest_codec
 
 H = TypeVar("H", bound=Header)
 
+_WITHOUT_EFFECT: Final = ("NodeId", "Description", "Descriptor")
+"""Ends of the names of fields that a robot need not know to execute an order."""
+
 
 def read_command(
-    kind: type[H], codec: Codec, payload: bytes, *, now: datetime
+    kind: type[H], codec: Codec, payload: bytes, *, now: datetime, robot: RobotKey, only_map: str = ""
 ) -> tuple[H, tuple[Repair, ...]]:
     """Read a message of a fleet control, repaired if its meaning is certain; return what was repaired.
 
+    Args:
+        kind: the kind of message.
+        codec: the version of the robot.
+        payload: the message.
+        now: time of arrival.
+        robot: the robot of the topic.
+        only_map: replaces an empty or missing mapId; empty: the robot does not have exactly one map.
+
     Raises:
-        MalformedMessageError: it violates the standard and cannot be repaired.
+        MalformedMessageError: it violates the standard and cannot be repaired; names only what remains.
     """
     try:
-        return codec.decode(kind, payload), ()
+        command = codec.decode(kind, payload)
     except MalformedMessageError:
-        repaired = _repaired_command(kind, codec, payload, now)
-        if repaired is None:
+        again, repairs = _repaired_command(kind, codec, payload, now=now, robot=robot, only_map=only_map)
+        if again is None:
             raise
-        return repaired
+    else:
+        nodes = command.nodes if isinstance(command, Order) and only_map else ()
+        has_maps = all(node.node_position is None or node.node_position.map_id for node in nodes)
+        if has_maps and RobotKey(command.manufacturer, command.serial_number) == robot:
+            return command, ()
+        again, repairs = _repaired_command(kind, codec, payload, now=now, robot=robot, only_map=only_map)
+        if again is None:
+            return command, ()
+    try:
+        return codec.decode(kind, again), repairs_of(repairs)
+    except MalformedMessageError as malformed:
+        if ("headerId", RepairKind.REPLACED) in repairs:
+            malformed.references.pop("headerId", None)  # ours, not the sender's
+        raise
 
 
 def _repaired_command(
-    kind: type[H], codec: Codec, payload: bytes, now: datetime
-) -> tuple[H, tuple[Repair, ...]] | None:
+    kind: type[Header], codec: Codec, payload: bytes, *, now: datetime, robot: RobotKey, only_map: str
+) -> tuple[bytes | None, Repairs]:
+    """Return the message with what could be repaired; None if that is nothing."""
     repairs: Repairs = {}
     form = codec.forms.get(kind)
     if form is None or len(payload) > MAXIMUM_PAYLOAD:
-        return None
+        return None, repairs
     try:
         content = from_json(without_mark(payload, repairs))
         if not isinstance(content, dict):
-            return None
+            return None, repairs
+        _let_topic_decide(kind, codec, content, repairs)
+        for name, own in (("manufacturer", robot.manufacturer), ("serialNumber", robot.serial_number)):
+            _complete(content, name, own, repairs)
+            if str(content[name]) != own and str(content[name]).casefold() == own.casefold():
+                repairs[name, RepairKind.LETTER_CASE] = quoted(content[name])
+                content[name] = own
+        nodes = content.get("nodes")
+        for node in nodes if isinstance(nodes, list) and only_map else ():
+            if isinstance(node, dict) and isinstance(node.get("nodePosition"), dict):
+                _complete(node["nodePosition"], "mapId", only_map, repairs, at="nodes.nodePosition.")
         repair(form, content, repairs, version=codec.version, now=now, scope=Scope.COMMAND)
     except (ArithmeticError, ValueError, RecursionError):
-        return None
-    again = written(content) if repairs else None
-    if again is None:
-        return None
-    try:
-        return codec.decode(kind, again), repairs_of(repairs)
-    except MalformedMessageError:
-        return None
+        return None, repairs
+    return (written(content) if repairs else None), repairs
+
+
+def _complete(content: dict[str, Any], name: str, meant: str, repairs: Repairs, at: str = "") -> None:
+    """Set a field that is missing, null or empty."""
+    if content.get(name) in (None, ""):
+        repairs[f"{at}{name}", RepairKind.REPLACED] = quoted(content[name]) if name in content else "missing"
+        content[name] = meant
+
+
+def _let_topic_decide(kind: type[Header], codec: Codec, content: dict[str, Any], repairs: Repairs) -> None:
+    """Read a message whose header has another major version in the topic's version (section 4.2)."""
+    stated = version_number(content.get("version"))
+    if stated is None or f"v{stated.partition('.')[0]}" == codec.major_version:
+        return
+    content["version"] = codec.version
+    repairs["version", RepairKind.UNKNOWN_VERSION] = f"{stated}, read as {codec.version}"
+    other = nearest_codec(stated)
+    if other is None or kind not in other.forms:
+        return
+    # to ignore a field that only the other version has would change the meaning
+    foreign = _names_in(other.forms[kind]) - _names_in(codec.forms[kind])
+    used = dict.fromkeys(name for name in _keys_in(content) if name in foreign)
+    if telling := [name for name in used if not name.endswith(_WITHOUT_EFFECT)]:
+        problem = (
+            f"is a field of {other.version}; use topics of {other.major_version} or send {codec.version}"
+        )
+        raise MalformedMessageError(
+            kind.__name__, [f"{name}: {problem}" for name in telling], written(content) or b""
+        )
+
+
+@cache
+def _names_in(form: type[WireObject]) -> frozenset[str]:
+    parts = [(field.shape.item or field.shape).kind for field in fields_of(form)]
+    inner = [_names_in(part) for part in parts if issubclass(part, WireObject)]
+    return frozenset(name for field in fields_of(form) for name in field.wire).union(*inner)
+
+
+def _keys_in(value: object) -> Iterator[str]:
+    if isinstance(value, dict):
+        yield from value
+    for part in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        yield from _keys_in(part)

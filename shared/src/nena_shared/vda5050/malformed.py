@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from typing import Final
 
 from pydantic import ValidationError
 from pydantic_core import from_json, to_json
@@ -10,6 +12,8 @@ from pydantic_core import from_json, to_json
 from nena_shared.findings import in_words
 
 REFERENCE_KEYS = ("headerId", "orderId", "orderUpdateId")
+_FIELD: Final = re.compile(r"(?!message:)([A-Za-z][\w.]*): ", re.ASCII)
+"""The path of a field at the beginning of a problem."""
 REFERENCE_LENGTH = 1024
 """Maximum length of a reference, characters; no longer ID is ever accepted."""
 
@@ -27,7 +31,8 @@ class MalformedMessageError(Exception):
     """The payload is not a message of its topic and version.
 
     ``problems`` has one sentence per error. ``references`` has headerId, orderId and orderUpdateId as far as
-    they could be read, to identify the message in the error report (section 6.6.5.2).
+    they could be read, to identify the message in the error report (section 6.6.5.2), and as parameter the
+    path of the first field with a problem.
     """
 
     def __init__(
@@ -38,6 +43,8 @@ class MalformedMessageError(Exception):
         """The value that caused the first problem, shortened; empty if there is none."""
         self.problems = tuple(problems[:PROBLEMS_SHOWN])
         self.references = _readable_references(payload)
+        if self.problems and (field := _FIELD.match(self.problems[0])):
+            self.references["parameter"] = field[1]
         super().__init__(f"not a valid {kind}: {'; '.join(self.problems)}")
 
     @property

@@ -15,7 +15,7 @@ repaired only if the meaning is certain: see :class:`Scope`.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import Enum, StrEnum, auto
@@ -27,7 +27,7 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic_core import PydanticSerializationError, to_json
 
 from nena_shared.clock import iso
-from nena_shared.vda5050.action import ActionState
+from nena_shared.vda5050.action import Action, ActionState, BlockingType
 from nena_shared.vda5050.base import ANGLE_LIMIT, Header, Timestamp, WireObject
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.factsheet import (
@@ -191,6 +191,13 @@ SAFEST: Final[Mapping[tuple[type[WireObject], str], object]] = {
 
 Empty objects are filled with the safest values of their fields."""
 
+_MISSING_IN_COMMANDS: Final[Mapping[tuple[type[WireObject], str], object]] = {
+    (Header, "header_id"): 0,
+    # nothing else runs, and the robot does not drive: the strictest of all (6.2.2)
+    (Action, "blocking_type"): BlockingType.HARD.value,
+}
+"""Values of required fields that are missing in commands."""
+
 _NEVER_EMPTIED: Final = {(State, "node_states")}
 """Lists that are not read as empty if missing: an order without reported nodes must not look finished."""
 
@@ -202,6 +209,7 @@ _TOLERANCE: Final = 50.0
 """Percentages farther beyond their limits are invalid, e.g. 255 for "unknown"."""
 FULL_TURN: Final = 2 * pi + 1e-3
 """The greatest heading that may be in radians."""
+_FULL_TURN_DEGREES: Final = 360.0
 _TIME: Final[TypeAdapter[datetime]] = TypeAdapter(Timestamp)
 
 
@@ -248,6 +256,8 @@ def repair(
             content["timestamp"] = iso(unix_time or now)
             kind = RepairKind.TIME_OF_ARRIVAL if unix_time is None else RepairKind.UNIX_TIME
             repairs["timestamp", kind] = quoted(time)
+    if scope is Scope.COMMAND:
+        _convert_degrees(form, content, repairs)
     for field in _fields_of(form, "", scope, only):
         try:
             field.apply(content, repairs)
@@ -370,8 +380,14 @@ def _object_of(form: type[WireObject], at: str, scope: Scope, only: frozenset[st
     def fix(content: Any, repairs: Repairs) -> Any:  # noqa: ANN401 - JSON
         if type(content) is not dict:
             raise _UnrepairableError
+        problem: _UnrepairableError | None = None
         for field in fields:
-            field.apply(content, repairs)
+            try:
+                field.apply(content, repairs)
+            except _UnrepairableError as error:
+                problem = problem or error  # the others are repaired, so that only this one is reported
+        if problem:
+            raise problem
         return content
 
     return fix
@@ -391,6 +407,8 @@ class _FieldRepair:
     optional: bool
     """Whether the field may be omitted."""
     safest: object
+    default: object
+    """Replaces a missing value."""
 
     @classmethod
     def of(
@@ -403,14 +421,18 @@ class _FieldRepair:
         nowhere = any(key in _NEVER_EMPTIED for key in keys)
         # a trajectory without one of its fields is another curve, so it is left out as a whole
         optional = report and not field.required and not issubclass(form, Trajectory)
+        safest = next((SAFEST[key] for key in keys if key in SAFEST), None) if report else None
+        missing = next((_MISSING_IN_COMMANDS[key] for key in keys if key in _MISSING_IN_COMMANDS), None)
+        emptied = report or bool(at) or field.name == "edges"  # an order may have a single node
         return cls(
             field=field,
             path=path,
             fix=_fix_of(field.shape, path, scope, only),
             plain=field.shape.kind if field.shape.kind is bool else None,
-            empty=field.shape.kind is tuple and field.required and not nowhere and (report or bool(at)),
+            empty=field.shape.kind is tuple and field.required and not nowhere and emptied,
             optional=optional,
-            safest=next((SAFEST[key] for key in keys if key in SAFEST), None) if report else None,
+            safest=safest,
+            default=safest if report else missing,
         )
 
     def apply(self, content: dict[str, Any], repairs: Repairs) -> None:
@@ -445,8 +467,8 @@ class _FieldRepair:
         if self.empty or (name in content and self.field.shape.kind is tuple):
             content[name] = []
             repairs[self.path, RepairKind.EMPTY_LIST] = received
-        elif self.safest is not None:
-            content[name] = self._safest_value()
+        elif self.default is not None:
+            content[name] = self._safest_value() if self.safest == {} else self.default
             repairs[self.path, RepairKind.REPLACED] = received
         elif self.optional:
             del content[name]
@@ -509,14 +531,19 @@ def _list_of(shape: Shape, at: str, scope: Scope, only: frozenset[str]) -> _Fix:
         if type(value) is not list:
             raise _UnrepairableError
         kept: list[Any] = []
+        problem: _UnrepairableError | None = None
         for element in value:
             try:
                 kept.append(fix_item(element, repairs))
             except _UnrepairableError as error:
-                if not droppable:
-                    raise
-                repairs[at, RepairKind.LEFT_OUT] = error.within(at, element)
+                if droppable:
+                    repairs[at, RepairKind.LEFT_OUT] = error.within(at, element)
+                else:
+                    problem = problem or error
+                    kept.append(element)
         value[:] = kept
+        if problem:
+            raise problem
         return value
 
     return fix
@@ -641,3 +668,33 @@ def _within_limits(number: float, shape: Shape, at: str, scope: Scope) -> tuple[
     if scope is not Scope.COMMAND and at.endswith("localizationScore") and 1 < number <= _PERCENT:
         return number / _PERCENT, RepairKind.SCALED
     raise _UnrepairableError
+
+
+def _convert_degrees(form: type[Header], content: dict[str, Any], repairs: Repairs) -> None:
+    """Convert all angles of a command to radians if one of its headings can only be in degrees."""
+    angles = list(_angles_in(form, content))
+    beyond = [abs(value) > FULL_TURN and shape.least != 0 for _, _, _, value, shape in angles]
+    # beyond a full turn in degrees, the unit is unknown
+    if not any(beyond) or any(abs(value) > _FULL_TURN_DEGREES for *_, value, _ in angles):
+        return
+    for parent, name, path, value, shape in angles:
+        repairs[path, RepairKind.DEGREES] = quoted(parent[name])
+        turn = radians(value)
+        parent[name] = min(turn, pi) if shape.least == 0 else remainder(turn, 2 * pi)
+
+
+def _angles_in(
+    form: type[WireObject], content: dict[str, Any], at: str = ""
+) -> Iterator[tuple[dict[str, Any], str, str, float, Shape]]:
+    """Yield each readable angle of a message: its object, name, path, value and limits."""
+    for field in fields_of(form):
+        name = next((name for name in field.wire if name in content), field.wire[0])
+        value, shape, path = content.get(name), field.shape.item or field.shape, f"{at}{field.wire[0]}"
+        if issubclass(shape.kind, WireObject):
+            for part in value if isinstance(value, list) else [value]:
+                if isinstance(part, dict):
+                    yield from _angles_in(shape.kind, part, f"{path}.")
+        elif shape.most == ANGLE_LIMIT:
+            number = _parse_number(value) if isinstance(value, str) else value
+            if type(number) in (int, float) and _is_finite(number):
+                yield content, name, path, number, shape

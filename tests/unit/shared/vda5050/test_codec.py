@@ -209,14 +209,15 @@ def test_refusal_contains_readable_references(order: JsonObject) -> None:
     error = refusal(Order, order)
 
     assert error.kind == "Order"
-    assert error.references == {"headerId": "12", "orderId": "o7", "orderUpdateId": "3"}
+    named = {"headerId": "12", "orderId": "o7", "orderUpdateId": "3"}
+    assert error.references == {**named, "parameter": "nodes"}
     assert str(error).startswith("not a valid Order: nodes: ")
 
 
 def test_references_of_the_wrong_type_or_length_are_left_out(order: JsonObject) -> None:
     order |= {"headerId": True, "orderId": ["o7"], "orderUpdateId": "9" * (REFERENCE_LENGTH + 1), "nodes": 1}
 
-    assert refusal(Order, order).references == {}
+    assert refusal(Order, order).references == {"parameter": "headerId"}
 
 
 def test_refusal_shows_only_the_first_problems() -> None:
@@ -228,6 +229,6 @@ def test_order_that_breaks_the_graph_rules_is_neither_read_nor_written(order: Js
     message = read(Order, order)
     order["edges"] = []
 
-    assert refusal(Order, order).problems == ("2 nodes require 1 edges, but the order has 0",)
+    assert refusal(Order, order).problems == ("edges: 2 nodes require 1 edges, but the order has 0",)
     with pytest.raises(MalformedMessageError, match="2 nodes require 1 edges"):
         CODEC.encode(message.model_copy(update={"edges": ()}))

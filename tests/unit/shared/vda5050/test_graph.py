@@ -75,21 +75,27 @@ def test_valid_graphs(order: Order) -> None:
 @pytest.mark.parametrize(
     ("order", "violation"),
     [
-        (graph(""), "an order has at least one node"),
+        (graph(""), "nodes: an order has at least one node"),
         (
             graph("+++").model_copy(update={"edges": graph("+++").edges * 2}),
-            "2 nodes require 1 edges, but the order has 2",
+            "edges: 2 nodes require 1 edges, but the order has 2",
         ),
         (
             change_node(graph("+"), 0, sequence_id=1),
-            "node 'n0' has the odd sequenceId 1; sequenceIds of nodes are even",
+            "nodes.0.sequenceId: node 'n0' has the odd sequenceId 1; those of nodes are even",
         ),
-        (change_node(graph("+++"), 1, sequence_id=4), "node 'n2' has sequenceId 4, not 2"),
-        (change_edge(graph("+++"), 0, sequence_id=3), "edge 'e1' has sequenceId 3, not 1"),
-        (graph("-"), "the first node 'n0' is not released"),
-        (graph("++-"), "edge 'e1' is released, but not both of its nodes are"),
-        (graph("+--++"), "edge 'e3' is released, but not both of its nodes are"),
-        (graph("+-+"), "node 'n2' is released beyond the end of the base"),
+        (
+            change_node(graph("+++"), 1, sequence_id=4),
+            "nodes.1.sequenceId: node 'n2' has sequenceId 4, not 2",
+        ),
+        (
+            change_edge(graph("+++"), 0, sequence_id=3),
+            "edges.0.sequenceId: edge 'e1' has sequenceId 3, not 1",
+        ),
+        (graph("-"), "nodes.0.released: the first node 'n0' is not released"),
+        (graph("++-"), "edges.0.released: edge 'e1' is released, but not both of its nodes are"),
+        (graph("+--++"), "edges.1.released: edge 'e3' is released, but not both of its nodes are"),
+        (graph("+-+"), "nodes.1.released: node 'n2' is released beyond the end of the base"),
     ],
 )
 def test_a_broken_rule_is_named(order: Order, violation: str) -> None:
@@ -105,7 +111,7 @@ def test_action_ids_are_unique(where: str) -> None:
     if where == "node and edge":
         order = change_edge(order, 0, actions=(BEEP,))
 
-    assert violations(order) == ("actionId 'twice' is used twice in the order",)
+    assert violations(order) == ("actionId: 'twice' is used twice in the order",)
 
 
 @st.composite

@@ -19,7 +19,6 @@ from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import QUOTED, MalformedMessageError
 from nena_shared.vda5050.message_reader import MessageReader
-from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.repair import Repair, Repairs, Scope, repair, without_mark
 from nena_shared.vda5050.state import EmergencyStop, State
 from nena_shared.vda5050.v2_1 import CODEC
@@ -438,11 +437,3 @@ def test_valid_message_is_not_repaired(codec: Codec, kind: type[Header], data: s
     for scope in Scope:
         repair(codec.forms[kind], content, found, version=codec.version, now=ARRIVAL, scope=scope)
     assert not found
-
-
-def test_a_heading_in_degrees_is_no_angle_to_be_wrapped_in_a_command() -> None:
-    content: dict[str, Any] = {"nodes": [{"nodePosition": {"theta": 90.0}}]}
-    found: Repairs = {}
-    form = CODEC.forms[Order]
-    repair(form, content, found, version="2.1.0", now=ARRIVAL, scope=Scope.COMMAND)
-    assert content["nodes"][0]["nodePosition"]["theta"] == 90.0

@@ -18,7 +18,13 @@ from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.message_reader import MessageReader
 from nena_shared.vda5050.repair import Repair, version_number
 from nena_shared.vda5050.topics import RobotKey, Topic
-from nena_shared.vda5050.versions import CODECS, UnknownVersionError, nearest_codec
+from nena_shared.vda5050.versions import (
+    CODECS,
+    UnknownVersionError,
+    codec_of_header,
+    nearest_codec,
+    reader_for,
+)
 
 LEVELS: Final = 4
 """Topic levels that are read: major version, manufacturer, serial number, topic name."""
@@ -128,8 +134,11 @@ def _deviations(entry: Entry, topic: Topic, major: str, codec: Codec) -> tuple[s
             reader = MessageReader(lambda _, repairs: found.extend(repairs))
             reader.read(KINDS[topic], entry.topic, entry.payload, major)
         else:
-            found += read_command(KINDS[topic], codec, entry.payload, now=entry.time)[1]
-    except (MalformedMessageError, UnknownVersionError):
+            robot, of_topic = RobotKey(*entry.topic.split("/")[-3:-1]), reader_for(codec.version, major)
+            found += read_command(KINDS[topic], of_topic, entry.payload, now=entry.time, robot=robot)[1]
+    except MalformedMessageError as error:
+        return error.problems
+    except UnknownVersionError:
         return ()
     return tuple(str(each._replace(field=f"{topic}.{each.field}")) for each in found)
 
