@@ -270,11 +270,11 @@ async def test_exception_in_the_core_loses_one_message_only(
 ) -> None:
     receive = orders.receive
 
-    def receive_or_fail(robot: RobotState, order: Order, *, dated: bool) -> object:
+    def receive_or_fail(robot: RobotState, order: Order) -> object:
         if order.order_id == "fatal":
             message = "a fault of the program"
             raise RuntimeError(message)
-        return receive(robot, order, dated=dated)
+        return receive(robot, order)
 
     monkeypatch.setattr(orders, "receive", receive_or_fail)
     fleet.send(order("n0", "n1", order_id="fatal"))

@@ -52,7 +52,7 @@ def test_row_3_also_counts_actions() -> None:
 @pytest.mark.clause("6.1.4.2", "7.3/speed")
 @pytest.mark.parametrize(
     ("limit", "limits_speed", "taken"),
-    [(0.5, True, True), (0.5, False, False), (1.2, False, True), (0.0, True, False), (None, False, True)],
+    [(0.5, True, True), (0.5, False, False), (1.2, False, True), (None, False, True)],
 )
 def test_row_4_a_speed_limit_that_the_robot_cannot_keep_is_refused(
     *, limit: float | None, limits_speed: bool, taken: bool
@@ -387,3 +387,18 @@ def test_an_order_changes_maps_only_with_an_action_that_sets_the_position_there(
     above = NodePosition(x=1.0, y=0.0, map_id="attic")
     bench.send(order("n0", "n1", "n2", positions={"n2": above}, node_actions={"n1": [up]}))
     assert bench.errors == ([] if taken else ["NO_ROUTE_TO_TARGET"])
+
+
+@pytest.mark.parametrize("settings", [{}, {"tolerated_parameters": frozenset({"edges.maximumSpeed"})}])
+def test_a_speed_of_0_is_refused_as_what_it_is(settings: dict[str, Any]) -> None:
+    bench = Bench(**settings)
+    message = order("n0", "n1")
+    edges = (message.edges[0].model_copy(update={"maximum_speed": 0.0}),)
+
+    bench.send(message.model_copy(update={"edges": edges}))
+
+    (error,) = bench.state.errors
+    assert error.error_type == "VALIDATION_FAILURE"
+    assert "edge 'n0-n1' has the maximum speed 0" in str(error.error_description)
+    named = {each.reference_key: each.reference_value for each in error.error_references}
+    assert (named["edgeId"], named["parameter"]) == ("n0-n1", "edges.maximumSpeed")

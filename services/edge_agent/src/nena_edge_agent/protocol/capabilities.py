@@ -124,11 +124,9 @@ _ALWAYS: tuple[OptionalParameter, ...] = (
 
 
 def _unreachable_speed(edge: Edge, capabilities: Capabilities) -> bool:
-    """Return whether the robot cannot keep to the edge's speed limit; nothing can drive at 0 m/s."""
+    """Return whether the robot cannot keep to the edge's speed limit."""
     limit = edge.maximum_speed
-    if limit is None or limit >= capabilities.maximum_speed:
-        return False
-    return limit == 0 or not capabilities.limits_speed
+    return limit is not None and limit < capabilities.maximum_speed and not capabilities.limits_speed
 
 
 DEMANDS: dict[str, Callable[[Edge, Capabilities], bool]] = {

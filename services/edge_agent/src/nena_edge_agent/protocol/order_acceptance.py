@@ -83,6 +83,19 @@ def _parameter_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
     )
 
 
+def _speed_fault(order: Order) -> ErrorEntry | None:
+    """Check that each edge can be driven: nothing reaches its end at 0 m/s."""
+    edge = next((edge for edge in order.edges if edge.maximum_speed == 0), None)
+    if edge is None:
+        return None
+    text = f"edge '{edge.edge_id}' has the maximum speed 0, at which no robot reaches its end"
+    hint = (
+        "send a speed above 0 m/s, or no maximum speed; to stop the robot, send startPause or a shorter base"
+    )
+    kind, name = ErrorType.VALIDATION_FAILURE, "edges.maximumSpeed"
+    return refusal(kind, order, text, hint=hint, parameter=name, edge_id=edge.edge_id)
+
+
 def _path_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
     """Check that each trajectory and corridor is valid and connects its nodes."""
     limits = robot.reports.limits
@@ -338,11 +351,8 @@ class Acceptance(Enum):
     """It was accepted before (section 6.1.4.5)."""
 
 
-def decide_acceptance(order: Order, robot: RobotState, *, dated: bool = True) -> Acceptance | ErrorEntry:
-    """Accept ``order``, or reject it with an error (section 6.1.2, figure 8).
-
-    ``dated``: its timestamp is readable.
-    """
+def decide_acceptance(order: Order, robot: RobotState) -> Acceptance | ErrorEntry:
+    """Accept ``order``, or reject it with an error (section 6.1.2, figure 8)."""
     # The schema allows an empty orderId, but the state uses it for "no order" (7.8).
     if not order.order_id:
         hint = "use a new orderId for each order"
@@ -354,6 +364,7 @@ def decide_acceptance(order: Order, robot: RobotState, *, dated: bool = True) ->
     fault = (
         _mode_fault(order, robot)
         or _size_fault(order, robot)
+        or _speed_fault(order)
         or _parameter_fault(order, robot)
         or _path_fault(order, robot)
         or _action_fault(order, robot)
@@ -361,7 +372,7 @@ def decide_acceptance(order: Order, robot: RobotState, *, dated: bool = True) ->
     if fault is not None:
         return fault
     if order.order_id != robot.progress.order_id:
-        return _new_order_fault(order, robot, dated=dated) or Acceptance.BEGIN
+        return _new_order_fault(order, robot) or Acceptance.BEGIN
     return _decide_update(order, robot)
 
 
@@ -387,7 +398,7 @@ def _decide_update(order: Order, robot: RobotState) -> Acceptance | ErrorEntry:
     )
 
 
-def _new_order_fault(order: Order, robot: RobotState, *, dated: bool) -> ErrorEntry | None:
+def _new_order_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
     # A1. An order that is being cancelled still holds its actions (6.1.3).
     if not robot.idle or robot.clearing:
         return refusal(
@@ -397,13 +408,12 @@ def _new_order_fault(order: Order, robot: RobotState, *, dated: bool) -> ErrorEn
             hint="wait for its end or cancel it",
         )
     # MQTT may deliver an old order again, after a reconnect or from a queue: it must not be executed twice.
-    if problem := robot.history.replay(order, dated=dated):
+    if problem := robot.history.replay(order):
         return refusal(
             ErrorType.OUTDATED_ORDER_UPDATE,
             order,
             f"{problem}; it is not executed again",
-            hint="send each order under a new orderId, with a higher headerId or the current time as "
-            "timestamp",
+            hint="send each order under a new orderId",
         )
     return (
         _beginning_fault(order, robot)

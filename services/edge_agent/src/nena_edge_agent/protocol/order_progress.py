@@ -112,8 +112,6 @@ def fingerprint(message: WireObject) -> str:
 
 ENDED_ORDERS_KEPT: Final = 200
 """Maximum number of ended orders in the history; beyond it, the oldest is dropped."""
-CLOCK_TOLERANCE: Final = timedelta(seconds=60)
-"""Tolerated difference between the clocks of two fleet controls, or of fleet control and robot."""
 
 EPOCH_TOLERANCE: Final = timedelta(days=1)
 """Maximum time that an epoch may be ahead of the robot's clock."""
@@ -125,10 +123,10 @@ NO_HEADER_ID: Final = -1
 
 @dataclass(frozen=True, slots=True)
 class OrderHeader:
-    """The highest header values of accepted messages (section 7.2).
+    """Header values of accepted messages (section 7.2).
 
-    ``header_id`` and ``timestamp`` are those of orders; ``header_id`` counts within the current epoch if the
-    sender uses epochs. ``epoch`` is the highest of all commands.
+    ``header_id`` is the highest of orders, within the current epoch if the sender uses epochs; ``timestamp``
+    is that of the last order. ``epoch`` is the highest of all commands.
     """
 
     header_id: int
@@ -160,19 +158,13 @@ class OrderHistory:
             del self._ended[next(iter(self._ended))]
 
     def accept(self, order: Order, utc: datetime | None) -> None:
-        """Store the header of an accepted order or update; ``utc`` is the robot's time, if known.
-
-        A timestamp in the future is not stored: once the sender's clock is corrected, every new order would
-        look old.
-        """
+        """Store the header of an accepted order or update; ``utc`` is the robot's time, if known."""
         self.begin_epoch(order.nena_epoch, utc)
         last = self.last_header or OrderHeader(NO_HEADER_ID, None)
-        credible = utc is None or order.timestamp <= utc + CLOCK_TOLERANCE
-        times = [time for time in (last.timestamp, order.timestamp if credible else None) if time]
         # In each epoch headerIds start again.
         counts = order.nena_epoch is None or order.nena_epoch == last.epoch
         header_id = max(last.header_id, order.header_id) if counts else last.header_id
-        self.last_header = OrderHeader(header_id, max(times, default=None), last.epoch)
+        self.last_header = OrderHeader(header_id, order.timestamp, last.epoch)
 
     def begin_epoch(self, epoch: int | None, utc: datetime | None) -> None:
         """Store a greater epoch, in which headerIds restart; ``utc`` is the robot's time, if known.
@@ -193,28 +185,17 @@ class OrderHistory:
             return None
         return f"it is of epoch {epoch}, but an order service of epoch {last.epoch} has taken over"
 
-    def replay(self, order: Order, *, dated: bool) -> str | None:
-        """Return why a new ``order`` is a replay of an old message, None if it is not (section 7.2).
+    def replay(self, order: Order) -> str | None:
+        """Return why a new ``order`` is a replay of an old message, None if it is not.
 
-        Within an epoch, headerIds increase. Without epochs, the sender's counter may restart or its clock may
-        be set back, so a replay is a message with both a lower headerId and an older timestamp. If the
-        timestamp is unreadable (``dated`` False), the headerId decides, unless the last sender used epochs.
+        Its orderId is the one of an ended order or, within an epoch, its headerId does not increase (7.2).
+        Headers of other fleet controls prove nothing: counters restart, and clocks are set back.
         """
         if _order_digest(order.order_id) in self._ended:
             return f"order '{order.order_id}' was received before and has ended"
         last = self.last_header
-        if last is None:
-            return None
-        if order.nena_epoch is not None:
-            older = order.nena_epoch == last.epoch and order.header_id <= last.header_id
-        elif not dated:
-            older = last.epoch is None and order.header_id < last.header_id
-        elif last.epoch is None and order.header_id > last.header_id:
-            # A higher headerId alone shows a new message: clocks may be set back.
-            older = False
-        else:
-            older = last.timestamp is not None and order.timestamp < last.timestamp - CLOCK_TOLERANCE
-        if not older:
+        in_epoch = last is not None and order.nena_epoch is not None and order.nena_epoch == last.epoch
+        if last is None or not in_epoch or order.header_id > last.header_id:
             return None
         new, old = _describe_header(order), _describe_header(last)
         return f"the message ({new}) is older than the last accepted order ({old})"

@@ -24,16 +24,13 @@ _REPORTED_UNTIL: dict[str, Until] = {ErrorType.MOBILE_ROBOT_NOT_AVAILABLE: Until
 # Acceptance (section 6.1.2)
 
 
-def receive(robot: RobotState, order: Order, *, dated: bool = True) -> None:
-    """Accept or reject ``order``; a rejected one changes only the errors (section 6.1.2).
-
-    ``dated``: its timestamp is readable.
-    """
+def receive(robot: RobotState, order: Order) -> None:
+    """Accept or reject ``order``; a rejected one changes only the errors (section 6.1.2)."""
     held = (robot.progress.order_id, robot.progress.order_update_id)
     # It was accepted but is not on disk yet, so that no state reports it: fleet control sends it again.
     if robot.journal_problem and held == (order.order_id, order.order_update_id):
         return
-    decision = decide_acceptance(order, robot, dated=dated)
+    decision = decide_acceptance(order, robot)
     # Also a refused message shows that a newer order service commands the robot.
     robot.history.begin_epoch(order.nena_epoch, robot.utc_now)
     if isinstance(decision, ErrorEntry):

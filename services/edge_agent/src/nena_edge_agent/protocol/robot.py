@@ -263,7 +263,7 @@ def _apply_event(robot: RobotState, event: events.Event) -> None:  # noqa: C901,
             _set_time(robot, utc)
         case events.OrderReceived(order, utc):
             _set_time(robot, utc)
-            orders.receive(robot, order, dated=event.dated)
+            orders.receive(robot, order)
         case events.InstantActionsReceived(message, utc):
             _set_time(robot, utc)
             instant_actions.receive(robot, message)
