@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -158,6 +160,38 @@ async def test_a_partly_deleted_map_is_not_listed(tmp_path: Path, monkeypatch: p
         await maps.delete("hall", "2")
 
     assert held(store(tmp_path)) == {("hall", "1"): "ENABLED"}
+
+
+async def test_a_power_failure_takes_back_nothing_that_was_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A new name in a folder is on disk only once the folder is synced."""
+    unsynced: set[Path] = set()
+    rename, replace, sync = Path.rename, Path.replace, os.fsync
+
+    def note(do: Callable[[Path, Path], Path]) -> Callable[[Path, Path], Path]:
+        def renamed(path: Path, target: Path) -> Path:
+            unsynced.update((path.parent, target.parent))
+            return do(path, target)
+
+        return renamed
+
+    def synced(handle: int) -> None:
+        unsynced.discard(Path(f"/proc/self/fd/{handle}").readlink())
+        sync(handle)
+
+    monkeypatch.setattr(Path, "rename", note(rename))
+    monkeypatch.setattr(Path, "replace", note(replace))
+    monkeypatch.setattr(os, "fsync", synced)
+    maps = store(tmp_path)
+    assert not unsynced
+    await maps.install("yard", "2", b"content")
+    assert not unsynced
+    await maps.enable("yard", "2")
+    assert not unsynced
+    await maps.install("yard", "3", b"content")
+    await maps.delete("yard", "3")
+    assert not unsynced
 
 
 def test_foreign_files_in_the_folder_are_not_maps(tmp_path: Path) -> None:

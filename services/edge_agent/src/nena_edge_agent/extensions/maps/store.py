@@ -10,6 +10,7 @@ from shutil import rmtree
 from typing import Protocol
 from urllib.parse import quote, unquote
 
+from nena_edge_agent.durability import sync_folder
 from nena_shared.program import StartError
 from nena_shared.vda5050.state import Map, MapStatus
 
@@ -157,8 +158,11 @@ class FolderMapStore:
         unfinished.mkdir(parents=True)
         for name, part in self._files_of(content).items():
             _write_through(unfinished / name, part)
+        sync_folder(unfinished)
         # Only once the content is on disk: after a power failure, a listed map must not be empty.
         unfinished.rename(place)
+        sync_folder(place.parent)
+        sync_folder(self._folder)
 
     def _files_of(self, content: bytes) -> Mapping[str, bytes]:
         """Return the files to store for a map, by name."""
@@ -170,6 +174,7 @@ class FolderMapStore:
         unfinished = _temporary_path(place)
         rmtree(unfinished, ignore_errors=True)
         place.rename(unfinished)
+        sync_folder(place.parent)
         rmtree(unfinished)
 
     def _mark_enabled(self, map_id: str, map_version: str) -> None:
@@ -181,6 +186,7 @@ class FolderMapStore:
         new = _temporary_path(path)
         _write_through(new, content)
         new.replace(path)
+        sync_folder(path.parent)
 
     def _is_enabled(self, map_id: str, map_version: str) -> bool:
         mark = self._folder / _folder_name(map_id) / ENABLED
