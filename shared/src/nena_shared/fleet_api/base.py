@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from datetime import datetime
 from enum import IntEnum
 from typing import Annotated, Final
 
-from pydantic import AfterValidator, ConfigDict, Field, PlainSerializer
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, PlainSerializer
 from pydantic.alias_generators import to_camel
 
 from nena_shared import model_building
@@ -49,8 +50,24 @@ class Request(CamelCase):
     model_config = ConfigDict(extra="forbid")
 
 
-Moment = Annotated[datetime, AfterValidator(in_utc), PlainSerializer(iso, return_type=str, when_used="json")]
-"""ISO 8601 in UTC with milliseconds."""
+def _refuse_digits(value: object) -> object:
+    """Return a time; raise ValueError for digits that pydantic reads as a time of 1970, such as 20260101."""
+    digits = str(value).strip() if isinstance(value, str | int | float) else ""
+    if re.fullmatch(r"[+-]?[\d.]+(e[+-]?\d+)?", digits, re.ASCII | re.IGNORECASE) and not re.fullmatch(
+        r"\d{10}(\d{3})?(\.\d*)?", digits, re.ASCII
+    ):
+        message = "write ISO 8601, such as 2026-01-31T10:00:00Z, or a Unix time of 10 (s) or 13 (ms) digits"
+        raise ValueError(message)
+    return value
+
+
+Moment = Annotated[
+    datetime,
+    BeforeValidator(_refuse_digits),
+    AfterValidator(in_utc),
+    PlainSerializer(iso, return_type=str, when_used="json"),
+]
+"""ISO 8601 in UTC with milliseconds; a Unix time of 10 (s) or 13 (ms) digits is read as well."""
 
 ObjectName = Annotated[str, Field(min_length=1, max_length=200)]
 """Name of an object in the plant model, never changed."""

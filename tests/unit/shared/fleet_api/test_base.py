@@ -24,6 +24,19 @@ def test_a_moment_that_has_no_time_in_utc_is_refused(text: str) -> None:
         MOMENT.validate_python(text)
 
 
+@pytest.mark.parametrize(
+    "digits", ['"20260101"', "20260101", '"2026"', '"20260101100000"', "1.5", '"-5"', "0"]
+)
+def test_digits_that_are_no_unix_time_of_today_are_refused(digits: str) -> None:
+    with pytest.raises(ValidationError, match=r"ISO 8601, such as 2026-01-31T10:00:00Z"):
+        MOMENT.validate_json(digits)
+
+
+@pytest.mark.parametrize("same", ['"2026-01-01"', '"2026-01-01 00:00:00"', "1767225600", '"1767225600000"'])
+def test_a_time_may_be_a_date_or_a_unix_time(same: str) -> None:
+    assert MOMENT.validate_json(same) == datetime(2026, 1, 1, tzinfo=UTC)
+
+
 @pytest.mark.parametrize("key", ["", "x" * 201, "a\0"])
 def test_keys_that_no_store_can_keep_are_refused(key: str) -> None:
     assert KEY.validate_python("line\nÜ'\"") == "line\nÜ'\""

@@ -27,6 +27,9 @@ from nena_shared.vda5050.factsheet import ValueDataType
 from nena_shared.vda5050.state import Load
 
 DOCK_ID, ANGLE, DISTANCE = "dockId", "angle", "distance"
+# nav2_behaviors (1.3) refuses a distance of 0, whose sign is not that of the speed, except from BackUp.
+SHORTEST_DRIVE = 0.001
+"""Shortest distance of DriveOnHeading, m."""
 _SERVERS: Mapping[Behaviour, tuple[str, str, str]] = {
     Behaviour.DOCK: ("dock_robot", "DockRobot", "Docks with Nav2's docking server."),
     Behaviour.UNDOCK: ("undock_robot", "UndockRobot", "Undocks with Nav2's docking server."),
@@ -61,7 +64,8 @@ def _make_parameters(settings: Nav2OperationSettings) -> tuple[Parameter, ...]:
         case Behaviour.SPIN:
             return (Parameter(ANGLE, number, description="rad to the left", minimum=-most, maximum=most),)
         case Behaviour.BACK_UP | Behaviour.DRIVE_ON_HEADING:
-            return (Parameter(DISTANCE, number, description="m", minimum=0.0, maximum=most),)
+            least = 0.0 if settings.behavior is Behaviour.BACK_UP else SHORTEST_DRIVE
+            return (Parameter(DISTANCE, number, description="m", minimum=least, maximum=most),)
     return ()
 
 
