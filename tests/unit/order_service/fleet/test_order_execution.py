@@ -453,6 +453,39 @@ def test_a_robot_switched_to_manual_has_abandoned_the_order() -> None:
     assert not bench.view().availability.can_take_order
 
 
+@pytest.mark.clause("6.6.6/fleet")
+@pytest.mark.parametrize("mode", [OperatingMode.MANUAL, OperatingMode.SERVICE, OperatingMode.TEACH_IN])
+@pytest.mark.parametrize(
+    "told", ["its actions fail", "it drops the order", "it stands with an error", "later"]
+)
+def test_a_mode_is_named_as_the_cause_of_whatever_fails_with_it(told: str, mode: OperatingMode) -> None:
+    bench = Bench().online()
+    bench.start_and_tell(make_vda_order("m", "A", "B", operation="pick"))
+    robot = bench.robot
+    robot.mode = mode
+    if told == "its actions fail":
+        robot.statuses = dict.fromkeys(robot.statuses, ActionStatus.FAILED)
+    if told == "it stands with an error":
+        robot.paused = True
+        robot.errors.append(ErrorEntry(error_type="manual", error_level=ErrorLevel.FATAL))
+    if told == "later":
+        bench.report()
+        robot.mode = OperatingMode.AUTOMATIC
+    if told in ("it drops the order", "later"):
+        robot.order_id = ""
+    bench.wait(60, reporting=True)
+    if told in ("its actions fail", "it stands with an error"):
+        assert str(bench.control.view(bench.now).wait_reason) == (
+            f"the robot is in operating mode {mode}, which takes no orders"
+        )
+        robot.mode, robot.paused = OperatingMode.AUTOMATIC, False
+        bench.run()
+
+    assert str(failure(bench).reason) == (
+        f"the robot abandoned the order when it changed to operating mode {mode}"
+    )
+
+
 def test_repeated_messages_from_before_the_order_do_not_end_it() -> None:
     bench = Bench().online()
     bench.now += 1

@@ -195,21 +195,61 @@ def test_an_update_that_the_broker_refuses_ends_the_vda_order() -> None:
 
 @pytest.mark.clause("6.1.4/fleet")
 @pytest.mark.parametrize("named", [True, False])
-def test_an_update_that_the_robot_refuses_ends_the_vda_order(*, named: bool) -> None:
+def test_a_robot_drives_on_after_it_refused_an_update_and_takes_it_later(*, named: bool) -> None:
     bench = started(refuses_updates=True, names_refusals=named)
     extend(bench, base(3))
+    for _ in range(3):
+        bench.exchange()
+        bench.wait(1.0, reporting=True)
+    assert bench.told(VdaOrderFailed) == bench.instants_sent() == []
+    assert "the robot refuses to continue the order" in str(bench.control.view(bench.now).wait_reason)
+    assert "OUTDATED_ORDER_UPDATE" in str(bench.control.view(bench.now).wait_reason)
+
+    bench.robot.refuses_updates = False
+    bench.robot.errors.clear()
+    bench.wait(10.0, reporting=True)
     bench.exchange()
-    if not named:
-        bench.report()
-        assert bench.instants_sent() == [], "the robot has its time to take up the second sending"
-        bench.deliver()
-        bench.now += bench.settings.resend_after
-        bench.report()
+    assert bench.control.view(bench.now).wait_reason is None
+    extend(bench, WHOLE)
+    bench.run()
+
+    assert len(bench.told(VdaOrderFinished)) == sum(bench.ends().values()) == 1
+
+
+@pytest.mark.clause("6.1.4/fleet")
+def test_a_robot_that_always_refuses_fails_the_order_at_the_end_of_its_base() -> None:
+    bench = started(refuses_updates=True)
+    extend(bench, base(3))
+    for _ in range(60):
+        bench.exchange()
+        bench.wait(1.0, reporting=True)
+    assert bench.told(VdaOrderFailed) == bench.instants_sent() == [], "it still drives to B"
+    assert len(updates(bench)) == 1 + bench.settings.sendings
+
+    bench.robot.step()
+    bench.report()
+    bench.wait(1.0, reporting=True)
     bench.exchange()
+    bench.tick()
 
     (failed,) = bench.told(VdaOrderFailed)
-    assert str(failed.reason) == "the robot refuses to continue the order"
-    assert len(updates(bench)) == (2 if named else 3)
+    assert "the robot refuses to continue the order" in str(failed.reason)
+
+
+@pytest.mark.clause("6.1.4/fleet")
+def test_a_newer_plan_replaces_the_update_that_was_refused() -> None:
+    bench = started(refuses_updates=True)
+    extend(bench, base(3))
+    bench.exchange()
+    extend(bench, WHOLE)
+    bench.exchange()
+    bench.robot.refuses_updates = False
+    bench.wait(10.0, reporting=True)
+
+    bench.run()
+
+    assert (2, ["B", "C", "D", "E"], []) in updates(bench)
+    assert len(bench.told(VdaOrderFinished)) == sum(bench.ends().values()) == 1
 
 
 @pytest.mark.clause("6.1.4/fleet")

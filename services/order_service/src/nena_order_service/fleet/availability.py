@@ -69,7 +69,9 @@ def is_lost(state: State, *, placed: bool) -> bool:
 
 
 def why_not_driving(state: State) -> Reason | None:
-    """Return, as a predicate, why a robot that accepts orders cannot drive now; None if it can."""
+    """Return, as a predicate, why a robot cannot drive for its order now; None if it can."""
+    if not state.operating_mode.takes_orders:
+        return Reason(R.IN_MODE, mode=state.operating_mode)
     if state.safety_state.active_emergency_stop is not EmergencyStop.NONE:
         return Reason(R.EMERGENCY_STOP)
     return Reason(R.IS_PAUSED) if state.paused else _why_without_navigation(state)

@@ -405,12 +405,13 @@ class RobotControl:
             unseen = self.robot.unreadable or (Reason(R.ORDER_UNCONFIRMED) if run.is_resent else None)
             reason = reason or unseen
             return Reason(R.ROBOT, reason) if reason else None
-        if run.phase is VdaOrderPhase.CANCELLING:
-            return Reason(R.ROBOT, away or Reason(R.END_UNCONFIRMED))
         state = self.robot.state
+        if run.phase is VdaOrderPhase.CANCELLING:
+            stopped = availability.why_not_driving(state) if state else None
+            return Reason(R.ROBOT, away or stopped or Reason(R.END_UNCONFIRMED))
         stopped = availability.why_not_driving(state) or run.why_unfinished_at_end(state) if state else None
         reason = away or stopped
-        return Reason(R.ROBOT, reason) if reason else None
+        return Reason(R.ROBOT, reason) if reason else run.refused_update
 
     def _stop_stray_order(self, now: float) -> None:
         """Cancel an order that the robot executes although it has already ended here."""

@@ -30,7 +30,7 @@ from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.plant import property_keys as keys
 from nena_shared.vda5050.action import ActionState, ActionStatus
 from nena_shared.vda5050.error import ErrorEntry
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.state import OperatingMode, State
 from nena_shared.vda5050.topics import RobotKey
 
 R = ReasonCode
@@ -183,6 +183,10 @@ class OrderExecution:
         self._standing_since: float | None = None
         self._retriable: frozenset[object] = frozenset()
         """IDs of the actions that were reported as retriable."""
+        self.refused_update: Reason | None = None
+        """Why the robot does not take the update that is pending; it executes its order meanwhile."""
+        self._manual_mode: OperatingMode | None = None
+        """The mode to which somebody has switched the robot, in which it takes no orders."""
 
     def is_due(self, now: float) -> bool:
         """Return whether the order, or an update of it, is due to be sent or resent."""
@@ -276,6 +280,10 @@ class OrderExecution:
     def on_state(self, state: State, now: float) -> Iterator[FleetOutput]:
         """Update the execution from a new state of the robot (section 6.6)."""
         self._take_echo(state)
+        if not state.operating_mode.takes_orders:
+            self._manual_mode = state.operating_mode
+        elif self._is_known_in(state):
+            self._manual_mode = None
         if self._is_known_in(state):
             yield from self._follow_progress(state, now)
         elif self._accepted and self.phase is not VdaOrderPhase.CANCELLING:
@@ -304,9 +312,14 @@ class OrderExecution:
             yield self._end_order(failure)
         elif self._pending and self.phase is VdaOrderPhase.RUNNING and self._pending.delivery.has_failed(now):
             times = self._settings.sendings
-            self._cancel_for(
-                self._failure_of(FailureKind.DRIVE, Reason(R.UPDATE_NEVER_ACCEPTED, count=times))
-            )
+            reason = self.refused_update or Reason(R.UPDATE_NEVER_ACCEPTED, count=times)
+            # A refused update leaves the order as it is (6.1.4): the robot drives to the end of its base.
+            if (
+                not self.refused_update
+                or state is None
+                or not any(node.released for node in state.node_states)
+            ):
+                self._cancel_for(self._failure_of(FailureKind.DRIVE, reason))
         elif state is None:
             return
         elif self.phase is VdaOrderPhase.RUNNING:
@@ -352,6 +365,7 @@ class OrderExecution:
         pending = self._pending
         if pending and state.order_update_id == pending.update_id:
             self.vda_order, self.update_id, self._pending = pending.plan, pending.update_id, None
+            self.refused_update = None
         elif self._adopted and self._reported < -1 and state.order_update_id < self.update_id:
             self._plan = self._plan or self.vda_order
             self.vda_order, self.update_id = held_by(state, self.vda_order), state.order_update_id
@@ -390,29 +404,36 @@ class OrderExecution:
 
     def _detect_failure(self, state: State, progress: Progress, now: float) -> Iterator[FleetOutput]:
         """Detect failures of a running VDA order."""
+        self._look_for_refused_update(state, now)
         failure = self._failed_actions(state, progress.failed)
         if progress.idle and failure:
             yield self._end_order(failure)
         elif progress.idle and not (progress.at_end and progress.unreported):
             # 6.6.8: without nodes, edges and running actions a robot has no order any more.
             reason = Reason(R.ABANDONED)
-            if not state.operating_mode.takes_orders:
-                reason = Reason(R.ABANDONED_IN_MODE, mode=state.operating_mode)
             yield self._end_order(self._failure_of(FailureKind.DRIVE, reason, _describe(state.errors)))
         elif failure:
             self._cancel_for(failure)
         elif progress.retriable:
             yield from self._report_retriable(state, progress.retriable)
-        elif self._pending and (refused := self._pending.refusals(state.errors)):
-            if self._pending.is_refused(refused, now):
-                reason = Reason(R.REFUSES_UPDATE)
-                self._cancel_for(self._failure_of(FailureKind.DRIVE, reason, _describe(refused)))
         elif errors := failures.stopping_errors(state.errors, self.vda_order, self._errors_before):
             of_action = any(failures.values_named_by(error, "actionId") for error in errors)
             kind = FailureKind.ACTION if of_action else FailureKind.DRIVE
             self._cancel_for(self._failure_of(kind, Reason(R.ROBOT_FAILED), _describe(errors)))
         else:
             self._look_for_standstill(state, now)
+
+    def _look_for_refused_update(self, state: State, now: float) -> None:
+        """Note why the robot refuses the pending update; it is sent again, or a newer plan instead of it."""
+        refused = self._pending.refusals(state.errors) if self._pending else ()
+        if not self._pending or not refused or not self._pending.is_refused(refused, now):
+            return
+        self.refused_update = failures.with_details(Reason(R.REFUSES_UPDATE), _describe(refused))
+        if self._plan:
+            plan, self._plan = self._plan, None
+            message, update_id = update_of(self.vda_order, plan), self._pending.update_id + 1
+            # the number of attempts counts on, so that they end
+            self._pending = PendingUpdate(plan, message, update_id, self._pending.delivery)
 
     def _report_retriable(self, state: State, actions: tuple[ActionState, ...]) -> Iterator[FleetOutput]:
         """Report each failure of a retriable action once (section 6.6.9)."""
@@ -519,6 +540,9 @@ class OrderExecution:
             yield self._end_order(VdaOrderCancelled(self._robot, self.vda_order.order_id))
 
     def _failure_of(self, kind: FailureKind, reason: Reason, details: tuple[str, ...] = ()) -> VdaOrderFailed:
+        # What else fails then, such as actions, is a consequence (6.6.7).
+        if self._manual_mode and self._accepted and kind is not FailureKind.UNCLEAR:
+            reason = Reason(R.ABANDONED_IN_MODE, mode=self._manual_mode)
         return VdaOrderFailed(self._robot, self.vda_order.order_id, reason, details, kind)
 
     def _end_order(self, output: FleetOutput) -> FleetOutput:
