@@ -361,3 +361,28 @@ async def test_a_robot_whose_position_jumps_gets_no_more_base(fleet: Fleet, serv
         assert "D" not in robot.released
         robot.change = unchanged
         await said(lambda: order_of(client), state="FINISHED")
+
+
+@pytest.mark.clause("6.1.4/fleet")
+@pytest.mark.parametrize("named", [True, False])
+async def test_a_refused_update_does_not_end_the_transport_order(
+    fleet: Fleet, service: Start, *, named: bool
+) -> None:
+    file = fleet.folder / "line.json"
+    file.write_text(line("A", "B", "C", "D", "E").to_json())
+    client = await service(plant=file, fleet={**QUICK, "sendings": 600}, engine={"speed_limits": False})
+    first, second = OddRobot(fleet, "r1", 0.0, "A"), OddRobot(fleet, "r2", 8.0, "C")
+    first.robot.refuses_updates, first.robot.names_refusals = True, named
+    async with first.reporting(), second.reporting():
+        await said(lambda: vehicle(client, "r2"), "idle")
+        await create(client, "D")
+        await said(lambda: order_of(client), "r2", state="BEING_PROCESSED")
+        second.robot.position, second.robot.last_node_id = (16.0, 0.0, 0.0), "E"
+        await said(lambda: order_of(client), "the robot refuses to continue the order", "orderUpdateError")
+        await said(lambda: vehicle(client, "r1"), "the robot refuses to continue the order")
+
+        first.robot.refuses_updates = False
+        first.robot.errors.clear()
+        await said(lambda: order_of(client), state="FINISHED")
+
+    assert first.robot.accepted == ["T-0"]

@@ -695,6 +695,6 @@ def _angles_in(
                 if isinstance(part, dict):
                     yield from _angles_in(shape.kind, part, f"{path}.")
         elif shape.most == ANGLE_LIMIT:
-            number = _parse_number(value) if isinstance(value, str) else value
+            number: Any = _parse_number(value) if isinstance(value, str) else value
             if type(number) in (int, float) and _is_finite(number):
                 yield content, name, path, number, shape

@@ -201,7 +201,7 @@ def test_a_robot_drives_on_after_it_refused_an_update_and_takes_it_later(*, name
     for _ in range(3):
         bench.exchange()
         bench.wait(1.0, reporting=True)
-    assert bench.told(VdaOrderFailed) == bench.instants_sent() == []
+    assert (bench.told(VdaOrderFailed), bench.instants_sent()) == ([], [])
     assert "the robot refuses to continue the order" in str(bench.control.view(bench.now).wait_reason)
     assert "OUTDATED_ORDER_UPDATE" in str(bench.control.view(bench.now).wait_reason)
 
@@ -223,7 +223,7 @@ def test_a_robot_that_always_refuses_fails_the_order_at_the_end_of_its_base() ->
     for _ in range(60):
         bench.exchange()
         bench.wait(1.0, reporting=True)
-    assert bench.told(VdaOrderFailed) == bench.instants_sent() == [], "it still drives to B"
+    assert (bench.told(VdaOrderFailed), bench.instants_sent()) == ([], []), "it still drives to B"
     assert len(updates(bench)) == 1 + bench.settings.sendings
 
     bench.robot.step()

@@ -161,7 +161,7 @@ def test_all_angles_of_an_order_are_in_degrees_if_one_heading_can_only_be(
     start, end = (node.node_position for node in message.nodes)
     assert start
     assert end
-    assert (start.theta, end.theta) == (pytest.approx(pi / 60), pytest.approx(-pi / 2))
+    assert [start.theta, end.theta] == pytest.approx([pi / 60, -pi / 2])
     assert end.allowed_deviation_theta == pytest.approx(pi / 36)
     assert message.edges[0].orientation == pytest.approx(-pi / 2)
     assert "nodes.nodePosition.theta 270: degrees" in repairs
