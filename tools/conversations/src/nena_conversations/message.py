@@ -21,7 +21,6 @@ from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.versions import (
     CODECS,
     UnknownVersionError,
-    codec_of_header,
     nearest_codec,
     reader_for,
 )
