@@ -114,10 +114,9 @@ def simulate(
     sizes = _parse_sizes(robots)
     try:
         model = read(plant.read_bytes()).model
-        given = read_orders(orders, model) if orders else Demand(backlog=max(sizes))
         case = Case(
             plant=model,
-            demand=replace(given, backlog=backlog or given.backlog),
+            demand=Demand(backlog=max(sizes)),
             robots=sizes[0],
             hours=hours,
             seed=seed,
@@ -127,10 +126,12 @@ def simulate(
             settings=parse_toml(settings.read_bytes()) if settings else {},
             disturbances=Disturbances(loss=loss, speed_spread=speed_spread),
         )
+        given = read_orders(orders, model, case.operations()) if orders else case.demand
+        case = replace(case, demand=replace(given, backlog=backlog or given.backlog))
         figures = simulate_all([replace(case, robots=size) for size in sizes], jobs=jobs, parts=parts)
     except (PlantModelError, ValueError) as error:
         typer.echo(f"nena simulate: {error}", err=True)
-        raise typer.Exit(1) from error
+        raise typer.Exit(2) from error
     except SimulationFailedError as error:
         typer.echo(
             f"nena simulate: a simulated program has failed, so there are no figures: {error}", err=True

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from heapq import merge
 from io import StringIO
+from itertools import accumulate, pairwise, zip_longest
+from math import inf
 from pathlib import Path
 from random import Random
 from typing import Any
 
+from nena_order_service.routing.router import RouteFinder, Router
 from nena_shared.clock import in_utc
 from nena_shared.fleet_api.transport_order import Destination, TransportOrderRequest
-from nena_shared.plant import PlantModel
-from nena_shared.plant.model import action_of
+from nena_shared.plant import NO_OPERATION, PlantModel, Vehicle
+from nena_simulate.operations import Operations, Purpose
 
 HOUR = 3600.0
 
@@ -52,9 +55,8 @@ class Demand:
     """Number of orders that wait at any time, drawn by the relations' rates, or between any two stations;
     0: orders arrive at those rates."""
 
-    def timed(self, plant: PlantModel, random: Random) -> Iterator[Order]:
+    def timed(self, make: Transport, random: Random) -> Iterator[Order]:
         """Yield the orders with a creation time, earliest first; endless if they are drawn at random."""
-        make = Transport(plant)
         drawn = (
             []
             if self.backlog
@@ -62,13 +64,13 @@ class Demand:
         )
         return merge(self.orders, *drawn, key=lambda order: order.at)
 
-    def waiting(self, plant: PlantModel, random: Random) -> Iterator[TransportOrderRequest]:
-        """Yield orders that refill the backlog, drawn by the relations' rates."""
-        make = Transport(plant)
-        relations = self.relations or every_relation(plant)
-        rates = [each.per_hour for each in relations]
+    def waiting(
+        self, make: Transport, relations: Sequence[Relation], random: Random
+    ) -> Iterator[TransportOrderRequest]:
+        """Yield orders that refill the backlog, drawn by the rates of these relations."""
+        rates = [*accumulate(each.per_hour for each in relations)]
         while True:
-            relation = random.choices(relations, rates)[0]
+            relation = random.choices(relations, cum_weights=rates)[0]
             yield make(relation.source, relation.destination)
 
 
@@ -83,45 +85,98 @@ def _draw_orders(relation: Relation, make: Transport, seed: float) -> Iterator[O
 class Transport:
     """Creates requests to pick a load at one location and drop it at another."""
 
-    def __init__(self, plant: PlantModel) -> None:
+    def __init__(self, plant: PlantModel, operations: Operations) -> None:
         self._plant = plant
+        self._operations = operations
 
     def __call__(self, source: str, destination: str) -> TransportOrderRequest:
-        """Return the request."""
+        """Return the request.
+
+        Unless one can pick and the other can drop, both get another operation of theirs, or none: a robot
+        that only picked could not pick again.
+        """
+        pick, drop = self.operation_at(source, Purpose.PICK), self.operation_at(destination, Purpose.DROP)
+        if not pick or not drop:
+            pick, drop = (self.operation_at(place, Purpose.OTHER) for place in (source, destination))
         return TransportOrderRequest(
-            destinations=(
-                Destination(location_name=source, operation=self._operation_at(source, "pick")),
-                Destination(location_name=destination, operation=self._operation_at(destination, "drop")),
-            )
+            destinations=(self._destination(source, pick), self._destination(destination, drop))
         )
 
-    def _operation_at(self, location: str, action: str) -> str:
-        """Return the location's operation that maps to this action, otherwise its first operation."""
-        if location in self._plant.points_by_name:
-            return "MOVE"
-        found = self._plant.location(location)
-        allowed = self._plant.location_type(found.type).allowed_operations
-        return next((each for each in allowed if action_of(each) == action), allowed[0] if allowed else "NOP")
+    def operation_at(self, location: str, purpose: Purpose) -> str | None:
+        """Return the location's first operation for this purpose."""
+        found = self._plant.locations_by_name.get(location)
+        links = found.links if found else ()
+        allowed = (name for link in links for name in self._plant.link_operations(found, link))
+        return next((name for name in allowed if self._operations.purpose_of(name) is purpose), None)
+
+    def _destination(self, place: str, operation: str | None) -> Destination:
+        nothing = NO_OPERATION if place in self._plant.locations_by_name else "MOVE"
+        return Destination(location_name=place, operation=operation or nothing)
 
 
-def stations(plant: PlantModel) -> tuple[str, ...]:
-    """Return the locations at which robots pick and drop; if there are none, all reachable ones."""
-    reachable = [location for location in plant.locations if location.links]
-    both = [
-        each.name
-        for each in reachable
-        if {"pick", "drop"} <= {action_of(name) for name in plant.location_type(each.type).allowed_operations}
-    ]
-    return tuple(both or (each.name for each in reachable))
+class Ways:
+    """Tells between which places the vehicles of a plant can drive, each from its start point."""
+
+    def __init__(self, plant: PlantModel, operations: Operations) -> None:
+        self._router = Router(plant)
+        self._finder = RouteFinder(plant, self._router, action_type=operations.action_type)
+
+    def is_way(self, starts: Iterable[str], goals: Iterable[str], vehicle: Vehicle) -> bool:
+        """Return whether a vehicle can drive from one of the points to one of the others."""
+        starts = tuple(starts)
+        return any(
+            self._router.costs_to(goal, vehicle=vehicle).cost_from(start) < inf
+            for goal in goals
+            for start in starts
+        )
+
+    def kind_of(self, vehicle: Vehicle) -> int:
+        """Return a number for the kind of a vehicle; vehicles of one kind have the same ways."""
+        return self._router.kind_of(vehicle)
+
+    def points_of(self, destination: Destination, vehicle: Vehicle) -> tuple[str, ...]:
+        """Return the points at which a vehicle can serve a destination."""
+        return self._finder.access_points(destination, vehicle)
+
+    def leads(self, request: TransportOrderRequest, vehicle: Vehicle, start: str | None = None) -> bool:
+        """Return whether a vehicle can serve all destinations, and drive back to the first one."""
+        choices = [self.points_of(each, vehicle) for each in request.destinations]
+        begin = (start,) if start else choices[0]
+        return all(self.is_way(*pair, vehicle) for pair in pairwise([begin, *choices, choices[0]]))
 
 
-def every_relation(plant: PlantModel) -> tuple[Relation, ...]:
-    """Return relations of equal rate between all pairs of stations."""
-    names = stations(plant)
-    return tuple(Relation(one, other, 1.0) for one in names for other in names if one != other)
+def every_relation(
+    plant: PlantModel, operations: Operations, starts: Sequence[str | None] = ()
+) -> tuple[Relation, ...]:
+    """Return relations of equal rate between all locations that a vehicle can serve one after the other.
+
+    From where something is picked to where it is dropped; if there is no such pair, between locations with
+    other operations; if there is none, between any two. ``starts`` are the vehicles' start points.
+    """
+    make, ways = Transport(plant, operations), Ways(plant, operations)
+    fleet = {
+        (ways.kind_of(vehicle), start): (vehicle, start)
+        for vehicle, start in zip_longest(plant.vehicles or (Vehicle(name="any"),), starts)
+        if vehicle is not None
+    }
+    names = [each.name for each in plant.locations if each.links and not each.locked]
+    for first, second in ((Purpose.PICK, Purpose.DROP), (Purpose.OTHER, Purpose.OTHER), (None, None)):
+        sources, goals = (
+            [name for name in names if purpose is None or make.operation_at(name, purpose)]
+            for purpose in (first, second)
+        )
+        found = tuple(
+            Relation(one, other, 1.0)
+            for one in sources
+            for other in goals
+            if one != other and any(ways.leads(make(one, other), *each) for each in fleet.values())
+        )
+        if found:
+            return found
+    return ()
 
 
-def read_orders(file: Path, plant: PlantModel) -> Demand:
+def read_orders(file: Path, plant: PlantModel, operations: Operations) -> Demand:
     """Read orders from CSV (``from,to,per_hour`` or ``at,from,to``) or JSON.
 
     JSON is a list of requests for transport orders, each with ``at`` in seconds, or the order service's
@@ -134,7 +189,11 @@ def read_orders(file: Path, plant: PlantModel) -> Demand:
     # -sig: spreadsheets begin CSV files with a byte order mark, which would belong to the first column.
     text = file.read_text(encoding="utf-8-sig")
     try:
-        demand = _of_json(json.loads(text)) if file.suffix == ".json" else _of_csv(text, Transport(plant))
+        demand = (
+            _of_json(json.loads(text))
+            if file.suffix == ".json"
+            else _of_csv(text, Transport(plant, operations))
+        )
     except (KeyError, TypeError, ValueError) as error:
         message = f"{file}: {type(error).__name__}: {error}"
         raise DemandError(message) from error

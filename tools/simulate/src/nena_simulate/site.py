@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Iterator
+import re
+from collections.abc import Callable, Coroutine, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from math import hypot
@@ -14,7 +15,7 @@ from typing import Any, Self
 from sqlalchemy import create_engine
 
 from nena_edge_agent.actions.robot_ports import RobotPorts
-from nena_edge_agent.actions.settings import default_operations
+from nena_edge_agent.actions.settings import OperationBase
 from nena_edge_agent.agent import RobotAgent
 from nena_edge_agent.driver.port import Pose, PoseReport
 from nena_edge_agent.extension import Robot
@@ -35,16 +36,17 @@ from nena_shared.clock import Clock
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.plant import PlantModel, Point, PointType, Vehicle
 from nena_shared.plant import property_keys as keys
+from nena_shared.plant.driver_properties import OPTIONAL_PARAMETERS, TOPIC_PREFIX
 from nena_shared.plant.track import MM_PER_M
 from nena_shared.settings import settings_with
 from nena_shared.tasks import Supervisor
 from nena_shared.vda5050.topics import RobotKey
-from nena_simulate.demand import Demand, DemandError, stations
+from nena_simulate.demand import Demand, DemandError, Transport, Ways, every_relation
+from nena_simulate.operations import Operations
 from nena_simulate.wire import Broker, Conditions, Link
 
 MANUFACTURER = "NeNa"
 MAP_ID = "simulation"
-LOADING = ("pick", "drop")
 READY_SECONDS = 120.0
 POSE_SECONDS = 1.0
 """Interval between two poses while a robot drives, seconds; it reports each node in any case."""
@@ -86,6 +88,14 @@ class Case:
     settings: dict[str, Any] = field(default_factory=dict)
     """Settings of the order service."""
     disturbances: Disturbances = Disturbances()
+
+    def order_service_settings(self) -> OrderServiceSettings:
+        """Return the settings of the order service. Raises pydantic's ValidationError."""
+        return settings_with(OrderServiceSettings, installed())(plant=Path("-"), **self.settings)
+
+    def operations(self) -> Operations:
+        """Return the operations of the plant."""
+        return Operations(self.plant, self.order_service_settings().engine.action_types)
 
     def in_parts(self, parts: int) -> list[Self]:
         """Return shorter cases with different seeds, which together take as many hours.
@@ -135,7 +145,16 @@ COMMIT_SECONDS = 0.004
 class SimulatedRobot:
     """A loopback robot with its agent, and the distance it has driven."""
 
-    def __init__(self, vehicle: Vehicle, start: Point, case: Case, broker: Broker, random: Random) -> None:
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        start: Point,
+        case: Case,
+        broker: Broker,
+        random: Random,
+        *,
+        operations: tuple[OperationBase, ...],
+    ) -> None:
         self.vehicle = vehicle
         self.loaded = False
         """Whether it carries something; set by the observer of its states."""
@@ -151,7 +170,7 @@ class SimulatedRobot:
         self._link = RobotLink()
         self.control = SimulationControl(self._link.cut)
         self._settings = EdgeAgentSettings(
-            manufacturer=vehicle.manufacturer or MANUFACTURER,
+            manufacturer=MANUFACTURER,
             serial_number=vehicle.serial_number or vehicle.name,
             map_id=self._pose.map_id,
             driver="loopback",
@@ -159,12 +178,7 @@ class SimulatedRobot:
             description=DescriptionSettings(maximum_speed=case.speed),
             interval=IntervalSettings(visualization=0.0),
             loopback=LoopbackSettings(drain=0.0, pose_interval=POSE_SECONDS),
-            operations=tuple(
-                operation.model_copy(update={"seconds": case.work_seconds})
-                if operation.action_type in LOADING
-                else operation
-                for operation in default_operations()
-            ),
+            operations=operations,
         )
         self._broker = broker
 
@@ -225,12 +239,19 @@ class Site:
         plant, places = staffed(case, self._random)
         self.plant = plant
         broker = Broker(Conditions(loss=case.disturbances.loss), _random_for(self._random.random()))
-        settings = settings_with(OrderServiceSettings, installed())(plant=Path("-"), **case.settings)
+        settings = case.order_service_settings()
         self.engine = make_engine(settings, plant, VolatileStore(COMMIT_SECONDS), clock)
         self._mqtt = Link(broker)
         self.fleet: FleetLink = make_fleet(settings, self._mqtt, self.engine, clock)
+        self._make_order = Transport(plant, case.operations())
+        self._relations = case.demand.relations or every_relation(
+            plant, case.operations(), [place.name for place in places]
+        )
+        offered = case.operations().actions(
+            [order.request for order in case.demand.orders], case.work_seconds
+        )
         self.robots = [
-            SimulatedRobot(vehicle, place, case, broker, self._random)
+            SimulatedRobot(vehicle, place, case, broker, self._random, operations=offered)
             for vehicle, place in zip(plant.vehicles, places, strict=True)
         ]
 
@@ -278,8 +299,8 @@ class Site:
         draw, begin = _random_for(self._random.random()), self._clock.monotonic()
         demand = self.case.demand
         if demand.backlog:
-            await self._keep_waiting(demand.waiting(self.plant, draw))
-        for order in demand.timed(self.plant, draw):
+            await self._keep_waiting(demand.waiting(self._make_order, self._relations, draw))
+        for order in demand.timed(self._make_order, draw):
             await asyncio.sleep(begin + order.at - self._clock.monotonic())
             self._create_order(order.request)
 
@@ -310,39 +331,91 @@ def staffed(case: Case, random: Random) -> tuple[PlantModel, list[Point]]:
     taken = {vehicle.name for vehicle in plant.vehicles}
     names = (name for number in range(1, 10**6) if (name := f"Robot-{number:02d}") not in taken)
     for name in islice(names, case.robots - len(vehicles)):
-        properties = {**pattern.properties, keys.VDA5050_SERIAL_NUMBER: name}
-        more = pattern.model_copy(update={"name": name, "properties": properties})
-        vehicles.append(_with_own_speed(more, case.speed))
+        vehicles.append(_with_own_speed(pattern.model_copy(update={"name": name}), case.speed))
     own = {key: value for key, value in plant.properties.items() if not key.startswith(keys.MAP_TRANSFORM)}
-    return (
-        plant.model_copy(update={"vehicles": tuple(vehicles), "properties": own}),
-        _start_points(case, random),
-    )
+    staffed_plant = plant.model_copy(update={"vehicles": tuple(vehicles), "properties": own})
+    return staffed_plant, _start_points(case, staffed_plant, random)
 
 
 def _with_own_speed(vehicle: Vehicle, speed: float) -> Vehicle:
-    """Return the vehicle with the robot's speed, and with the simulation's map unless the model names one."""
-    more = {keys.VDA5050_MAP_ID: vehicle.map_id or MAP_ID, keys.VDA5050_VERSION: "2.1.0"}
+    """Return the vehicle with the robot's speed, and with the simulation's map unless the model names one.
+
+    Properties that say how a real robot is addressed, and what its messages lack, do not concern a simulated one.
+    """
+    own = {key: each for key, each in vehicle.properties.items() if not key.startswith(_OF_REAL_ROBOTS)}
+    more = {
+        keys.VDA5050_MAP_ID: vehicle.map_id or MAP_ID,
+        keys.VDA5050_VERSION: "2.1.0",
+        # a name may have characters that a level of a topic cannot have
+        keys.VDA5050_SERIAL_NUMBER: re.sub(r"[/+#$\s]", "_", vehicle.name),
+    }
     speed_mm_s = round(speed * MM_PER_M)
-    return vehicle.model_copy(
-        update={"properties": {**vehicle.properties, **more}, "max_velocity_mm_s": speed_mm_s}
-    )
+    return vehicle.model_copy(update={"properties": {**own, **more}, "max_velocity_mm_s": speed_mm_s})
+
+
+_OF_REAL_ROBOTS = (
+    keys.VDA5050_MANUFACTURER,
+    keys.VDA5050_INTERFACE_NAME,
+    keys.VDA5050_INSTANT_ACTIONS_KEY,
+    keys.VDA5050_PARAMETERS_AS_TEXT,
+    keys.VDA5050_KEEPS_LAST_NODE_STATES,
+    TOPIC_PREFIX,
+    OPTIONAL_PARAMETERS,
+)
 
 
 def check(case: Case) -> None:
-    """Raise ValueError if the plant has fewer free points than robots."""
-    _start_points(case, _random_for(case.seed))
+    """Raise ValueError if the robots have no place in the plant, or no order can be drawn there."""
+    plant, places = staffed(case, _random_for(case.seed))
+    if not case.demand.orders and not case.demand.relations:
+        _check_stations(case, plant, places)
 
 
-def _start_points(case: Case, random: Random) -> list[Point]:
-    plant = case.plant
+def _check_stations(case: Case, plant: PlantModel, places: Sequence[Point]) -> None:
+    if not any(location.links and not location.locked for location in plant.locations):
+        message = "the plant has no location that is linked to a point, so no orders can be drawn"
+    elif not plant.paths:
+        message = "the plant has no paths, so no orders can be drawn"
+    elif every_relation(plant, case.operations(), [place.name for place in places]):
+        return
+    else:
+        message = (
+            "no orders can be drawn: no vehicle can drive from one location to another one and back "
+            "(paths, locks, and what its type may use)"
+        )
+    message = f"{message}; --orders gives orders between points"
+    raise DemandError(message)
+
+
+def _start_points(case: Case, plant: PlantModel, random: Random) -> list[Point]:
+    """Return a start point for each vehicle, from which it reaches a station."""
+    if not plant.points:
+        message = "the plant has no points, so robots have no place"
+        raise ValueError(message)
     named = [plant.point(start) for start in case.starts]
-    served = {link.point for name in stations(plant) for link in plant.location(name).links}
+    ways, relations = (
+        Ways(plant, case.operations()),
+        case.demand.relations or every_relation(plant, case.operations()),
+    )
+    stations = {name for each in relations for name in (each.source, each.destination)}
+    linked = {
+        name: [link.point for link in plant.location(name).links]
+        for name in stations
+        if name in plant.locations_by_name
+    }
+    served = {point for points in linked.values() for point in points}
     parking = [point for point in plant.points if point.type is PointType.PARK_POSITION]
     free = [point for point in plant.points if point.name not in served]
-    places = {each.name: each for each in (*named, *parking, *random.sample(free, len(free)))}
-    chosen = list(places.values())[: case.robots]
-    if len(chosen) < case.robots:
-        message = f"{case.robots} robots do not fit: only {len(chosen)} points are free"
-        raise ValueError(message)
+    places = {each.name: each for each in (*named, *parking, *random.sample(free, len(free)), *plant.points)}
+    sources = {point for each in relations for point in linked.get(each.source, (each.source,))}
+    chosen = []
+    for vehicle in plant.vehicles:
+        found = next((name for name in places if not sources or ways.is_way((name,), sources, vehicle)), None)
+        if found is None:
+            message = (
+                f"{case.robots} robots do not fit: vehicle {vehicle.name!r} is number {len(chosen) + 1}, and "
+                f"none of the {len(places)} points that are left leads it to a station"
+            )
+            raise ValueError(message)
+        chosen.append(places.pop(found))
     return chosen
