@@ -52,5 +52,5 @@ def test_unusable_plant_is_refused_with_a_reason(tmp_path: Path, text: str) -> N
 
     result = CliRunner().invoke(app, [str(file), *SHORT])
 
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert "nena simulate: " in result.output

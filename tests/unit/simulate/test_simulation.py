@@ -9,7 +9,7 @@ import pytest
 
 from bench.halls import SPEED_MM_S, two_halls
 from bench.pibt import bound
-from nena_simulate.demand import Demand, DemandError, Relation, every_relation
+from nena_simulate.demand import Demand, DemandError, Relation, Transport, every_relation
 from nena_simulate.observation import Doing
 from nena_simulate.simulation import simulate, simulate_all
 from nena_simulate.site import Case, Disturbances
@@ -45,8 +45,9 @@ def test_a_case_is_split_into_shorter_ones_with_their_own_seeds() -> None:
 
 
 def test_recorded_orders_are_not_split() -> None:
-    plant = CASE.plant
-    order = next(Demand(relations=every_relation(plant)).timed(plant, Random(1)))
+    plant, operations = CASE.plant, CASE.operations()
+    relations = every_relation(plant, operations)
+    order = next(Demand(relations=relations).timed(Transport(plant, operations), Random(1)))
 
     with pytest.raises(DemandError, match="use --parts 1"):
         replace(CASE, demand=Demand(orders=(order,))).in_parts(2)

@@ -170,6 +170,7 @@ class SimpleAction:
         self._feedback: Any = None
         self._ended: dict[UUID, tuple[Status, Any]] = {}
         self._waiting: list[tuple[UUID, Answer]] = []
+        self._at_hand: UUID | None = None
 
     def open(
         self, begin: Callable[[UUID, Any], bool], cancel: Callable[[UUID], bool] = lambda _: False
@@ -182,7 +183,10 @@ class SimpleAction:
         hidden, services, serve = f"{self.name}/_action", self._kind.Impl, self._session.serve_later
 
         def on_goal(request: Any, answer: Answer) -> None:  # noqa: ANN401
-            accepted = begin(messages.goal_id_of(request), request.goal)
+            previous, self._at_hand = self._at_hand, messages.goal_id_of(request)
+            accepted = begin(self._at_hand, request.goal)
+            if not accepted:
+                self._at_hand = previous
             answer(services.SendGoalService.Response(accepted=accepted))
 
         def on_result(request: Any, answer: Answer) -> None:  # noqa: ANN401
@@ -231,11 +235,12 @@ class SimpleAction:
     def _answer(self) -> None:
         waiting, self._waiting = self._waiting, []
         for goal_id, answer in waiting:
-            if goal_id in self._ended:
-                status, result = self._ended[goal_id]
-                answer(self._kind.Impl.GetResultService.Response(status=int(status), result=result))
-            else:
+            if goal_id == self._at_hand and goal_id not in self._ended:
                 self._waiting.append((goal_id, answer))
+                continue
+            # as rcl_action, which answers at once with status 0 for a goal that it does not know
+            status, result = self._ended.get(goal_id, (Status.UNKNOWN, self.result()))
+            answer(self._kind.Impl.GetResultService.Response(status=int(status), result=result))
 
 
 class NavigatorEndpoints:

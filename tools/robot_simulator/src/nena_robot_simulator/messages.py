@@ -23,7 +23,7 @@ from nena_robot_simulator.goals import Action, GoalEntry
 from nena_robot_simulator.motion import GridMap, Pose
 from nena_robot_simulator.navigator import Goal
 from nena_robot_simulator.robot import Feedback
-from nena_robot_simulator.sensors import Battery, Estimate, Scale
+from nena_robot_simulator.sensors import CHARGING_CURRENT, Battery, Estimate, Scale
 from nena_shared.ros import yaw_of
 
 SECOND = 1_000_000_000
@@ -146,7 +146,7 @@ def battery_message(
         present=True,
         percentage=float(battery.percentage(scale)),
         voltage=float(battery.voltage),
-        current=float(battery.current),
+        current=CHARGING_CURRENT if charging else float(battery.current),
         power_supply_status=BatteryState.POWER_SUPPLY_STATUS_CHARGING
         if charging
         else BatteryState.POWER_SUPPLY_STATUS_DISCHARGING,

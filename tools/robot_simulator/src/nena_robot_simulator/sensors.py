@@ -15,6 +15,8 @@ FULL_VOLTAGE = 27.2
 EMPTY_VOLTAGE = 22.0
 DRIVING_CURRENT = 6.0
 IDLE_CURRENT = 0.8
+CHARGING_CURRENT = 10.0
+"""Currents, A; sensor_msgs/BatteryState: negative when discharging."""
 
 
 @dataclass(slots=True, kw_only=True)

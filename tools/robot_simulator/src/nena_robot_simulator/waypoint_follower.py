@@ -39,7 +39,8 @@ class _Tour:
 class WaypointFollower:
     """One robot's.
 
-    ``take`` gives the navigator a goal, ``find`` returns what has become of it, ``cancel`` cancels it.
+    ``take`` gives the navigator a goal, ``find`` returns what has become of it, ``cancel`` cancels it, or all with the
+    UUID 0.
     """
 
     def __init__(
@@ -77,8 +78,7 @@ class WaypointFollower:
         tour = self._tour
         if tour is None or goal_id not in (tour.goal_id, UUID(int=0)):
             return False
-        if tour.drive is not None:
-            self._cancel(tour.drive)
+        self._cancel(UUID(int=0))  # as Nav2's, which cancels all goals of the navigator
         self._end_tour(GoalStatus.CANCELED)
         return True
 

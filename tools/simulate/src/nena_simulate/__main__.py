@@ -140,6 +140,12 @@ def simulate(
         raise typer.Exit(1) from error
     _write_report(Report(model.name, seed, tuple(figures), parts), model, json, markdown, heat_maps)
     typer.echo(f"{hours * len(figures):g} hours simulated in {perf_counter() - begun:.0f} s", err=True)
+    if idle := [str(each.robots) for each in figures if not each.finished]:
+        typer.echo(
+            f"nena simulate: with {', '.join(idle)} robots, no order finished; the report has the reasons",
+            err=True,
+        )
+        raise typer.Exit(1)
 
 
 def _write_report(

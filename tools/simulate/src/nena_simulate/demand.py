@@ -145,13 +145,31 @@ class Ways:
         return all(self.is_way(*pair, vehicle) for pair in pairwise([begin, *choices, choices[0]]))
 
 
+POINTS = 30
+"""Maximum number of points between which orders are drawn, if there are no stations to draw them between."""
+
+
+def describe_drawn(request: TransportOrderRequest, operations: Operations) -> str:
+    """Return what drawn orders do instead of picking and dropping; empty if they do that."""
+    done = [each.operation for each in request.destinations]
+    purposes = [operations.purpose_of(name) for name in done]
+    if purposes == [Purpose.PICK, Purpose.DROP]:
+        return ""
+    instead = "execute other operations" if Purpose.OTHER in purposes else "only drive"
+    return (
+        "No robot can drive from a station with an operation to pick to one with an operation to drop, and "
+        f"back: the orders {instead} ({', '.join(dict.fromkeys(done))})."
+    )
+
+
 def every_relation(
     plant: PlantModel, operations: Operations, starts: Sequence[str | None] = ()
 ) -> tuple[Relation, ...]:
     """Return relations of equal rate between all locations that a vehicle can serve one after the other.
 
     From where something is picked to where it is dropped; if there is no such pair, between locations with
-    other operations; if there is none, between any two. ``starts`` are the vehicles' start points.
+    other operations; if there is none, between any two; at last, between some points. ``starts`` are the
+    vehicles' start points.
     """
     make, ways = Transport(plant, operations), Ways(plant, operations)
     fleet = {
@@ -160,11 +178,12 @@ def every_relation(
         if vehicle is not None
     }
     names = [each.name for each in plant.locations if each.links and not each.locked]
-    for first, second in ((Purpose.PICK, Purpose.DROP), (Purpose.OTHER, Purpose.OTHER), (None, None)):
-        sources, goals = (
-            [name for name in names if purpose is None or make.operation_at(name, purpose)]
-            for purpose in (first, second)
-        )
+    points = [each.name for each in plant.points[:: len(plant.points) // POINTS + 1]] if names else []
+    picks, drops, others = (
+        [name for name in names if make.operation_at(name, purpose)]
+        for purpose in (Purpose.PICK, Purpose.DROP, Purpose.OTHER)
+    )
+    for sources, goals in ((picks, drops), (others, others), (names, names), (points, points)):
         found = tuple(
             Relation(one, other, 1.0)
             for one in sources

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from enum import StrEnum
@@ -63,6 +63,9 @@ class Observed:
     """Metres driven without a load."""
     loaded: float = 0.0
     """Metres driven with a load."""
+    unfinished: Counter[tuple[str, str, str]] = field(default_factory=Counter)
+    """Orders that failed, were unroutable, or wait at the end, by this, the reason's code and its text."""
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
@@ -78,6 +81,8 @@ class Observed:
             whole.failed += part.failed
             whole.empty += part.empty
             whole.loaded += part.loaded
+            whole.unfinished += part.unfinished
+            whole.notes = part.notes
             for total, more in (
                 (whole.seconds, part.seconds),
                 (whole.causes, part.causes),
@@ -101,14 +106,19 @@ class Observer:
         self._created: set[str] = set()
         self._orders: dict[str, TransportOrderStatus] = {}
         """Unfinished orders by vehicle."""
-        self._words = Words(robot.vehicle.name for robot in site.robots)
+        self._ended: Counter[tuple[str, str, str]] = Counter()
+        """Orders that failed or were unroutable."""
+        self._words = Words((robot.vehicle.name for robot in site.robots), site.offered)
         site.engine.unit_of_work.listeners.append(self)
 
     def observed(self) -> Observed:
         """Return what has been observed so far."""
         found = self.found
         found.created = len(self._created)
-        found.waiting = len(self._site.engine.state.orders.dispatchable())
+        waiting = [order.status for order in self._site.engine.state.orders.dispatchable()]
+        found.waiting = len(waiting)
+        found.unfinished = self._ended + Counter(map(self._why_unfinished, waiting))
+        found.notes = self._site.notes
         found.empty, found.loaded = (
             sum(each[load] for each in self.moved.values()) for load in (False, True)
         )
@@ -145,6 +155,11 @@ class Observer:
             self.found.finishes.append((status.finished - self._begun).total_seconds())
         elif status.state.final:
             self.found.failed += 1
+            self._ended[self._why_unfinished(status)] += 1
+
+    def _why_unfinished(self, status: TransportOrderStatus) -> tuple[str, str, str]:
+        code = status.coded_reason.code if status.coded_reason else ""
+        return status.state.value, code, self._words.without_names(status.reason)
 
     def sequence_changed(self, status: OrderSequenceStatus) -> None:
         """Ignore sequences: they are not simulated."""
@@ -177,9 +192,13 @@ class Observer:
 
 
 class Words:
-    """Merges reasons that differ only in names of robots, points and paths into one cause."""
+    """Merges reasons that differ only in names of robots, points and paths into one cause.
 
-    def __init__(self, vehicles: Iterable[str]) -> None:
+    Names of actions and operations are kept.
+    """
+
+    def __init__(self, vehicles: Iterable[str], actions: Collection[str] = ()) -> None:
+        self._actions = actions
         # Longest first: of several alternatives, re takes the first that matches.
         names = sorted(vehicles, key=len, reverse=True)
         self._names = re.compile(rf"\b({'|'.join(map(re.escape, names))})\b")
@@ -188,7 +207,9 @@ class Words:
     def without_names(self, reason: str) -> str:
         """Return the cause of a reason."""
         if reason not in self._known:
-            text = re.sub(r"'[^']*'", "a place", reason)
+            text = re.sub(
+                r"'([^']*)'", lambda found: found[0] if found[1] in self._actions else "a place", reason
+            )
             text = self._names.sub("another", text)
             text = re.sub(r"another((, | and )another)+", "others", text)
             text = re.sub(r"^vehicle another travels to destination \d+ of \d+(, but it )?", "", text)

@@ -12,8 +12,22 @@ from typing import Any
 
 from nena_simulate.observation import Doing, Observed
 
+UNFINISHED = ("orders", "state", "code", "reason")
 CAUSES, PLACES = 8, 12
 """Maximum numbers of causes and places in the text; JSON contains all of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unfinished:
+    """Orders that did not finish for the same reason."""
+
+    state: str
+    """State of the orders: FAILED, UNROUTABLE, or DISPATCHABLE: no robot got them before the end."""
+    code: str
+    """Code of the reason."""
+    reason: str
+    """Reason as text, without names of robots and places."""
+    orders: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +57,10 @@ class Figures:
     """Robot minutes per hour by cause."""
     waiting_by_place: Mapping[str, float]
     """Robot minutes per hour by the path in front of the robot, or by its point."""
+    unfinished: tuple[Unfinished, ...] = ()
+    """Why orders did not finish, the most frequent reason first."""
+    notes: tuple[str, ...] = ()
+    """What limits the meaning of the figures."""
 
     @classmethod
     def of(cls, found: Observed, *, robots: int) -> Figures:
@@ -69,6 +87,8 @@ class Figures:
             empty_share=round(found.empty / driven, 4) if driven else 0.0,
             waiting_by_cause=_per_hour(found.causes, hours),
             waiting_by_place=_per_hour(found.places, hours),
+            unfinished=tuple(Unfinished(*why, count) for why, count in found.unfinished.most_common()),
+            notes=found.notes,
         )
 
 
@@ -100,8 +120,11 @@ class Report:
 
     def to_markdown(self) -> str:
         """Return tables in Markdown."""
-        parts = [f"# {self._title_of}", _markdown_table(self._rows_of())]
+        parts = [f"# {self._title_of}", *self._notes_of(), _markdown_table(self._rows_of())]
         for figure in self.figures:
+            if figure.unfinished:
+                parts.append(f"## Orders that did not finish with {figure.robots} robots")
+                parts.append(_markdown_table([UNFINISHED, *_unfinished_rows(figure)]))
             parts.append(f"## Waiting with {figure.robots} robots, robot minutes per hour")
             parts.append(_markdown_table([("why", "minutes"), *_first_rows(figure.waiting_by_cause, CAUSES)]))
             parts.append(
@@ -111,12 +134,18 @@ class Report:
 
     def to_text(self) -> str:
         """Return tables for a terminal."""
-        parts = [self._title_of, _text_table(self._rows_of())]
+        parts = [self._title_of, *self._notes_of(), _text_table(self._rows_of())]
         for figure in self.figures:
+            if figure.unfinished:
+                parts.append(f"Orders that did not finish with {figure.robots} robots:")
+                parts.append("\n".join("  ".join(row) for row in _unfinished_rows(figure)))
             parts.append(f"Waiting with {figure.robots} robots, robot minutes per hour:")
             parts.append(_text_table(_first_rows(figure.waiting_by_cause, CAUSES)))
             parts.append(_text_table(_first_rows(figure.waiting_by_place, PLACES)))
         return "\n\n".join(filter(None, parts)) + "\n"
+
+    def _notes_of(self) -> list[str]:
+        return list(dict.fromkeys(note for figure in self.figures for note in figure.notes))
 
     @property
     def _title_of(self) -> str:
@@ -144,6 +173,14 @@ class Report:
             ("driven empty", lambda one: f"{one.empty_share:.0%}"),
         ]
         return [(name, *(str(show(figure)) for figure in self.figures)) for name, show in shown]
+
+
+def _unfinished_rows(figure: Figures) -> list[tuple[str, ...]]:
+    """Return a row for each of the most frequent reasons; "|" would end a cell."""
+    return [
+        (str(each.orders), each.state, each.code, each.reason.replace("|", "/"))
+        for each in figure.unfinished[:CAUSES]
+    ]
 
 
 def _first_rows(values: Mapping[str, float], count: int) -> list[tuple[str, ...]]:

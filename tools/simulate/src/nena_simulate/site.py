@@ -41,7 +41,7 @@ from nena_shared.plant.track import MM_PER_M
 from nena_shared.settings import settings_with
 from nena_shared.tasks import Supervisor
 from nena_shared.vda5050.topics import RobotKey
-from nena_simulate.demand import Demand, DemandError, Transport, Ways, every_relation
+from nena_simulate.demand import Demand, DemandError, Transport, Ways, describe_drawn, every_relation
 from nena_simulate.operations import Operations
 from nena_simulate.wire import Broker, Conditions, Link
 
@@ -52,6 +52,7 @@ POSE_SECONDS = 1.0
 """Interval between two poses while a robot drives, seconds; it reports each node in any case."""
 LOOK = 0.25
 """Seconds between two checks of the backlog."""
+NO_VEHICLES = "The plant model has no vehicles: the robots have openTCS's default size."
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +163,7 @@ class SimulatedRobot:
         """Metres driven without and with a load."""
         self._last: Pose | None = None
         self.start = start
-        self._pose = Pose(start.x_m, start.y_m, 0.0, vehicle.map_id or start.map_id or MAP_ID)
+        self._pose = Pose(start.x_m, start.y_m, 0.0, start.map_id or vehicle.map_id or MAP_ID)
         spread = case.disturbances.speed_spread
         self._speed = case.speed * random.uniform(1 - spread, 1 + spread)
         self.driver: LoopbackDriver
@@ -247,9 +248,19 @@ class Site:
         self._relations = case.demand.relations or every_relation(
             plant, case.operations(), [place.name for place in places]
         )
+        self.notes: tuple[str, ...] = () if case.plant.vehicles else (NO_VEHICLES,)
+        """What the reader of the report must know of the orders and robots."""
+        if not case.demand.relations and case.demand.backlog:
+            first = self._make_order(self._relations[0].source, self._relations[0].destination)
+            self.notes += tuple(filter(None, [describe_drawn(first, case.operations())]))
         offered = case.operations().actions(
             [order.request for order in case.demand.orders], case.work_seconds
         )
+        kinds = plant.location_types
+        self.offered = {each.action_type for each in offered} | {
+            name for kind in kinds for name in kind.allowed_operations
+        }
+        """The actions that the robots offer, and the operations of the plant."""
         self.robots = [
             SimulatedRobot(vehicle, place, case, broker, self._random, operations=offered)
             for vehicle, place in zip(plant.vehicles, places, strict=True)
@@ -330,8 +341,10 @@ def staffed(case: Case, random: Random) -> tuple[PlantModel, list[Point]]:
     pattern = vehicles[-1] if vehicles else Vehicle(name="Robot")
     taken = {vehicle.name for vehicle in plant.vehicles}
     names = (name for number in range(1, 10**6) if (name := f"Robot-{number:02d}") not in taken)
-    for name in islice(names, case.robots - len(vehicles)):
-        vehicles.append(_with_own_speed(pattern.model_copy(update={"name": name}), case.speed))
+    vehicles += [
+        _with_own_speed(pattern.model_copy(update={"name": name}), case.speed)
+        for name in islice(names, case.robots - len(vehicles))
+    ]
     own = {key: value for key, value in plant.properties.items() if not key.startswith(keys.MAP_TRANSFORM)}
     staffed_plant = plant.model_copy(update={"vehicles": tuple(vehicles), "properties": own})
     return staffed_plant, _start_points(case, staffed_plant, random)
@@ -340,7 +353,7 @@ def staffed(case: Case, random: Random) -> tuple[PlantModel, list[Point]]:
 def _with_own_speed(vehicle: Vehicle, speed: float) -> Vehicle:
     """Return the vehicle with the robot's speed, and with the simulation's map unless the model names one.
 
-    Properties that say how a real robot is addressed, and what its messages lack, do not concern a simulated one.
+    Properties that say how a real robot is addressed, and what its messages lack, do not concern it.
     """
     own = {key: each for key, each in vehicle.properties.items() if not key.startswith(_OF_REAL_ROBOTS)}
     more = {
@@ -408,13 +421,13 @@ def _start_points(case: Case, plant: PlantModel, random: Random) -> list[Point]:
     free = [point for point in plant.points if point.name not in served]
     places = {each.name: each for each in (*named, *parking, *random.sample(free, len(free)), *plant.points)}
     sources = {point for each in relations for point in linked.get(each.source, (each.source,))}
-    chosen = []
+    chosen: list[Point] = []
     for vehicle in plant.vehicles:
         found = next((name for name in places if not sources or ways.is_way((name,), sources, vehicle)), None)
-        if found is None:
+        if found is None or len(chosen) == len(plant.points) - 1:  # on full points, none could drive
             message = (
-                f"{case.robots} robots do not fit: vehicle {vehicle.name!r} is number {len(chosen) + 1}, and "
-                f"none of the {len(places)} points that are left leads it to a station"
+                f"{case.robots} robots do not fit: of {len(plant.points)} points, no other one that leads to "
+                f"a station is free for vehicle {vehicle.name!r}, number {len(chosen) + 1}"
             )
             raise ValueError(message)
         chosen.append(places.pop(found))
