@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from math import dist
 
@@ -12,8 +13,8 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 from unique_identifier_msgs.msg import UUID
 
-from nena_robot_simulator.action_server import action_types
 from nena_robot_simulator.goals import Action
+from nena_shared.ros import interface
 from support.action_client import ABORTED, CANCELED, SUCCEEDED, Client, Outcome, answer_of, outcome_of
 from support.action_types import needs_action_types
 from support.ros import BEST_EFFORT, LATCHED, RosPeer
@@ -164,9 +165,13 @@ def test_cancelling_goals_of_one_action_leaves_the_other(through: Client, peer: 
 
 
 @pytest.mark.usefixtures("fault")
-def test_unknown_goal_has_an_unknown_result(peer: RosPeer) -> None:
-    kind = action_types()[Action.TO_POSE].Impl.GetResultService
-    asker = peer.client(kind, "navigate_to_pose/_action/get_result")
+@pytest.mark.parametrize("action", ["NavigateToPose", "FollowWaypoints", "ComputePathToPose"])
+def test_unknown_goal_has_an_unknown_result(action: str, peer: RosPeer) -> None:
+    found = interface(f"nav2_msgs/action/{action}")
+    if found is None:
+        pytest.skip(f"nav2_msgs without {action}")
+    kind, name = found.Impl.GetResultService, re.sub(r"(?<!^)(?=[A-Z])", "_", action).lower()
+    asker = peer.client(kind, f"{name}/_action/get_result")
     assert peer.call(asker, kind.Request()).status == 0
 
 

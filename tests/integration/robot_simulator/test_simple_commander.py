@@ -9,6 +9,7 @@ import pytest
 from lifecycle_msgs.msg import TransitionEvent
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters
+from sensor_msgs.msg import BatteryState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -97,6 +98,7 @@ def test_a_simple_commander_asks_for_paths_and_costmaps(domain_id: int, peer: Ro
 
 @needs_commander_types
 def test_a_simple_commander_follows_waypoints_docks_and_undocks(domain_id: int, peer: RosPeer) -> None:
+    battery = peer.subscribe(BatteryState, "battery_state", BEST_EFFORT)
     with simulated_robot(domain_id):
         commander = SimpleCommander(peer)
         assert commander.follow_waypoints((1.0, 0.0), (-60.0, 0.0), (2.0, 0.0))
@@ -107,8 +109,12 @@ def test_a_simple_commander_follows_waypoints_docks_and_undocks(domain_id: int, 
         assert commander.follow_waypoints((35.0, 0.0))
         commander.cancel_task()
         assert commander.result() == "CANCELED"
+        assert battery.wait_for().current < 0
+        assert commander.dock("dock")
+        wait_until(commander.is_task_complete, what="docking")
+        assert commander.result() == "SUCCEEDED"
+        battery.wait_for(lambda told: told.current > 0)
         begins: tuple[Callable[[], bool], ...] = (
-            lambda: commander.dock("dock"),
             commander.undock,
             lambda: commander.drive_on_heading(0.3, 0.2),
         )

@@ -297,6 +297,16 @@ def test_state_is_due_every_30_seconds(version: str) -> None:
     assert finding.section == ("6.6" if version >= "3" else "6.10")
 
 
+def test_state_is_due_as_often_as_the_factsheet_says() -> None:
+    def talk(interval: float, pause: float) -> list[Rule]:
+        begun = Talk().online().say(factsheet(version="3.0.0", state_interval=interval))
+        return begun.state("n0", of="").wait(pause).state("n0", of="").rules
+
+    assert talk(60.0, 62) == []
+    assert talk(60.0, 70) == [Rule.STATE_INTERVAL]
+    assert talk(2.0, 10) == [Rule.STATE_INTERVAL]
+
+
 def test_silence_is_reported_while_others_send() -> None:
     talk = Talk().online().state("n0", of="").wait(60)
     talk.entries.append(Entry(talk.now, "fleet/v3/ACME/0002/state", b"?"))

@@ -136,13 +136,19 @@ NOT_ONLINE: Final = {
 
 
 class ConnectionChecks:
-    """Check that only a connected robot sends states, and at least every 30 s (6.5, 6.6)."""
+    """Check that only a connected robot sends states, and at least as often as it must (6.5, 6.6)."""
 
     def __init__(self) -> None:
+        self._interval = MAX_STATE_INTERVAL
         self._connection: ConnectionState | None = None
         self._last: ReceivedMessage | None = None
         """Last state; None while no next state is due."""
         self._reported = False
+
+    def on_factsheet(self, message: Factsheet) -> None:
+        """Record the interval that the robot declares, if any."""
+        seconds = message.protocol_limits.timing.default_state_interval
+        self._interval = timedelta(seconds=seconds) if seconds else MAX_STATE_INTERVAL
 
     def on_connection(self, message: Connection) -> None:
         """Record the connection state and restart the interval."""
@@ -166,7 +172,7 @@ class ConnectionChecks:
             self._reported = True
             text = f"the robot sends a state while its connection is {self._connection}"
             yield Rule.CONNECTION, NOT_ONLINE[self._connection], text
-        if self._last and received.time - self._last.time > MAX_STATE_INTERVAL + GRACE:
+        if self._last and received.time - self._last.time > self._interval + GRACE:
             seconds = (received.time - self._last.time).total_seconds()
             yield Rule.STATE_INTERVAL, Severity.ERROR, f"no state for {seconds:.0f} s"
         self._last = received
@@ -174,7 +180,7 @@ class ConnectionChecks:
     def overdue_state(self, now: datetime) -> tuple[ReceivedMessage, Problem] | None:
         """Report once that the state after the last one is overdue at ``now``."""
         last = self._last
-        if last is None or now - last.time <= MAX_STATE_INTERVAL + GRACE:
+        if last is None or now - last.time <= self._interval + GRACE:
             return None
         self._last = None
         text = f"no state follows this one for {(now - last.time).total_seconds():.0f} s"
@@ -291,6 +297,7 @@ class RobotConversation:
                     yield from self._instants.on_hibernation()
             case Factsheet():
                 self._factsheet.on_factsheet(message)
+                self._connection.on_factsheet(message)
 
     def _check_order(self, received: ReceivedMessage, order: Order) -> Iterator[Problem]:
         yield from self._action_ids.check(actions_of(order), f"order '{order.order_id}'")

@@ -87,7 +87,7 @@ class Rule(Enum):
     CONNECTION = "connection", _both_versions("6.14", "6.5")
     """Only a robot that is ONLINE sends states."""
     STATE_INTERVAL = "stateInterval", _both_versions("6.10", "6.6")
-    """The robot sends a state at least every 30 s."""
+    """The robot sends a state at least every 30 s, or as often as its factsheet says."""
 
     FIRST_SEQUENCE_ID = "firstSequenceId", _both_versions("6.6.1", "6.1.1")
     """A new order begins with sequenceId 0."""

@@ -170,7 +170,7 @@ class SimpleAction:
         self._feedback: Any = None
         self._ended: dict[UUID, tuple[Status, Any]] = {}
         self._waiting: list[tuple[UUID, Answer]] = []
-        self._at_hand: UUID | None = None
+        self._active: set[UUID] = set()
 
     def open(
         self, begin: Callable[[UUID, Any], bool], cancel: Callable[[UUID], bool] = lambda _: False
@@ -183,10 +183,11 @@ class SimpleAction:
         hidden, services, serve = f"{self.name}/_action", self._kind.Impl, self._session.serve_later
 
         def on_goal(request: Any, answer: Answer) -> None:  # noqa: ANN401
-            previous, self._at_hand = self._at_hand, messages.goal_id_of(request)
-            accepted = begin(self._at_hand, request.goal)
+            goal_id = messages.goal_id_of(request)
+            self._active.add(goal_id)  # before it begins, because it may end at once
+            accepted = begin(goal_id, request.goal)
             if not accepted:
-                self._at_hand = previous
+                self._active.discard(goal_id)
             answer(services.SendGoalService.Response(accepted=accepted))
 
         def on_result(request: Any, answer: Answer) -> None:  # noqa: ANN401
@@ -226,6 +227,7 @@ class SimpleAction:
 
     def end(self, goal_id: UUID, status: Status, result: Any) -> None:  # noqa: ANN401
         """End a goal, and answer the clients that wait for it."""
+        self._active.discard(goal_id)
         self._ended[goal_id] = (status, result)
         if len(self._ended) > RESULTS_KEPT:
             del self._ended[next(iter(self._ended))]
@@ -235,7 +237,7 @@ class SimpleAction:
     def _answer(self) -> None:
         waiting, self._waiting = self._waiting, []
         for goal_id, answer in waiting:
-            if goal_id == self._at_hand and goal_id not in self._ended:
+            if goal_id in self._active:
                 self._waiting.append((goal_id, answer))
                 continue
             # as rcl_action, which answers at once with status 0 for a goal that it does not know

@@ -39,8 +39,8 @@ class _Tour:
 class WaypointFollower:
     """One robot's.
 
-    ``take`` gives the navigator a goal, ``find`` returns what has become of it, ``cancel`` cancels it, or all with the
-    UUID 0.
+    ``take`` gives the navigator a goal, ``find`` returns what has become of it, ``cancel`` cancels it, or
+    all with the UUID 0.
     """
 
     def __init__(
