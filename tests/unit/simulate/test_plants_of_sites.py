@@ -74,7 +74,7 @@ def model_of(text: str) -> PlantModel:
 
 
 def run(text: str, *, robots: int = 1) -> Figures:
-    case = Case(model_of(text), Demand(backlog=robots), robots, hours=0.05, speed=2.0, work_seconds=2.0)
+    case = Case(model_of(text), Demand(backlog=robots), robots, hours=0.03, speed=3.0, work_seconds=1.0)
     return simulate(case)
 
 
@@ -199,7 +199,7 @@ def test_orders_that_cannot_finish_are_counted_by_reason() -> None:
     ("text", "what"),
     [
         (written(LOOP, {}, {}), "has no location that is linked to a point"),
-        (written((), {"Machine": "LOAD"}, {}), "has no points"),
+        (written((), {"Machine": "LOAD"}, {}), "1 robots do not fit: of 0 points"),
         (written([(0, 1), (1, 2), (2, 3)], {"Machine": "LOAD,UNLOAD"}, M), "and back"),
         (written(LINE, {"Machine": "LOAD,UNLOAD"}, M, locked=LINE), "and back"),
     ],

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from heapq import merge
 from io import StringIO
-from itertools import accumulate, pairwise, zip_longest
+from itertools import accumulate, zip_longest
 from math import inf
 from pathlib import Path
 from random import Random
@@ -98,51 +98,52 @@ class Transport:
         pick, drop = self.operation_at(source, Purpose.PICK), self.operation_at(destination, Purpose.DROP)
         if not pick or not drop:
             pick, drop = (self.operation_at(place, Purpose.OTHER) for place in (source, destination))
-        return TransportOrderRequest(
-            destinations=(self._destination(source, pick), self._destination(destination, drop))
-        )
+        return TransportOrderRequest(destinations=(self.stop(source, pick), self.stop(destination, drop)))
 
     def operation_at(self, location: str, purpose: Purpose) -> str | None:
         """Return the location's first operation for this purpose."""
-        found = self._plant.locations_by_name.get(location)
-        links = found.links if found else ()
-        allowed = (name for link in links for name in self._plant.link_operations(found, link))
+        if location not in self._plant.locations_by_name:
+            return None
+        found = self._plant.location(location)
+        allowed = (name for link in found.links for name in self._plant.link_operations(found, link))
         return next((name for name in allowed if self._operations.purpose_of(name) is purpose), None)
 
-    def _destination(self, place: str, operation: str | None) -> Destination:
+    def stop(self, place: str, operation: str | None) -> Destination:
+        """Return a destination; without an operation, the robot only drives there."""
         nothing = NO_OPERATION if place in self._plant.locations_by_name else "MOVE"
         return Destination(location_name=place, operation=operation or nothing)
 
 
 class Ways:
-    """Tells between which places the vehicles of a plant can drive, each from its start point."""
+    """Tells between which places the vehicles of a plant can drive."""
 
     def __init__(self, plant: PlantModel, operations: Operations) -> None:
-        self._router = Router(plant)
-        self._finder = RouteFinder(plant, self._router, action_type=operations.action_type)
+        self.router = Router(plant)
+        self._finder = RouteFinder(plant, self.router, action_type=operations.action_type)
 
-    def is_way(self, starts: Iterable[str], goals: Iterable[str], vehicle: Vehicle) -> bool:
+    def is_way(self, starts: Collection[str], goals: Iterable[str], vehicle: Vehicle) -> bool:
         """Return whether a vehicle can drive from one of the points to one of the others."""
-        starts = tuple(starts)
-        return any(
-            self._router.costs_to(goal, vehicle=vehicle).cost_from(start) < inf
-            for goal in goals
-            for start in starts
-        )
+        costs = (self.router.costs_to(goal, vehicle=vehicle) for goal in goals)
+        return any(each.cost_from(start) < inf for each in costs for start in starts)
 
-    def kind_of(self, vehicle: Vehicle) -> int:
-        """Return a number for the kind of a vehicle; vehicles of one kind have the same ways."""
-        return self._router.kind_of(vehicle)
-
-    def points_of(self, destination: Destination, vehicle: Vehicle) -> tuple[str, ...]:
-        """Return the points at which a vehicle can serve a destination."""
-        return self._finder.access_points(destination, vehicle)
-
-    def leads(self, request: TransportOrderRequest, vehicle: Vehicle, start: str | None = None) -> bool:
-        """Return whether a vehicle can serve all destinations, and drive back to the first one."""
-        choices = [self.points_of(each, vehicle) for each in request.destinations]
-        begin = (start,) if start else choices[0]
-        return all(self.is_way(*pair, vehicle) for pair in pairwise([begin, *choices, choices[0]]))
+    def pairs(
+        self,
+        sources: Sequence[Destination],
+        goals: Sequence[Destination],
+        vehicle: Vehicle,
+        start: str | None,
+    ) -> Iterator[tuple[str | None, str | None]]:
+        """Yield the places that a vehicle can serve one after the other, and drive back to the first one."""
+        ends = [
+            [(each.location_name, self._finder.access_points(each, vehicle)) for each in stops]
+            for stops in (sources, goals)
+        ]
+        for one, at_one in ends[0]:
+            if start is None or self.is_way((start,), at_one, vehicle):
+                for other, at_other in ends[1]:
+                    there = one != other and self.is_way(at_one, at_other, vehicle)
+                    if there and self.is_way(at_other, at_one, vehicle):
+                        yield one, other
 
 
 POINTS = 30
@@ -173,25 +174,21 @@ def every_relation(
     """
     make, ways = Transport(plant, operations), Ways(plant, operations)
     fleet = {
-        (ways.kind_of(vehicle), start): (vehicle, start)
+        (ways.router.kind_of(vehicle), start): (vehicle, start)
         for vehicle, start in zip_longest(plant.vehicles or (Vehicle(name="any"),), starts)
         if vehicle is not None
     }
     names = [each.name for each in plant.locations if each.links and not each.locked]
     points = [each.name for each in plant.points[:: len(plant.points) // POINTS + 1]] if names else []
     picks, drops, others = (
-        [name for name in names if make.operation_at(name, purpose)]
+        [make.stop(name, found) for name in names if (found := make.operation_at(name, purpose))]
         for purpose in (Purpose.PICK, Purpose.DROP, Purpose.OTHER)
     )
-    for sources, goals in ((picks, drops), (others, others), (names, names), (points, points)):
-        found = tuple(
-            Relation(one, other, 1.0)
-            for one in sources
-            for other in goals
-            if one != other and any(ways.leads(make(one, other), *each) for each in fleet.values())
-        )
-        if found:
-            return found
+    anywhere, driving = ([make.stop(name, None) for name in places] for places in (names, points))
+    for stops in ((picks, drops), (others, others), (anywhere, anywhere), (driving, driving)):
+        pairs = dict.fromkeys(pair for each in fleet.values() for pair in ways.pairs(*stops, *each))
+        if pairs:
+            return tuple(Relation(one or "", other or "", 1.0) for one, other in pairs)
     return ()
 
 

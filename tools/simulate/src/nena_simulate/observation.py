@@ -65,7 +65,7 @@ class Observed:
     """Metres driven with a load."""
     unfinished: Counter[tuple[str, str, str]] = field(default_factory=Counter)
     """Orders that failed, were unroutable, or wait at the end, by this, the reason's code and its text."""
-    notes: tuple[str, ...] = ()
+    notes: Sequence[str] = ()
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:

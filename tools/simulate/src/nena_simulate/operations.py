@@ -6,11 +6,12 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from enum import StrEnum
 from itertools import chain
+from typing import Literal
 
 from nena_edge_agent.actions.settings import OperationBase, OperationSettings, default_operations
 from nena_order_service.fleet.vda_order import DROP, NO_ACTION, PICK, RECHARGE_ACTION, OperationMap
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
-from nena_shared.plant import PlantModel
+from nena_shared.plant import Location, Path, PlantModel, Point
 from nena_shared.plant import property_keys as keys
 from nena_shared.plant.driver_properties import find_actions
 from nena_shared.vda5050.factsheet import ActionScope
@@ -34,7 +35,8 @@ _WORDS = (
 )
 """Beginnings of words in the names of public models' operations; the first that fits counts."""
 
-_LOADS = {Purpose.PICK: "take", Purpose.DROP: "give"}
+Effect = Literal["take", "give", ""]
+_EFFECTS: dict[Purpose, Effect] = {Purpose.PICK: "take", Purpose.DROP: "give"}
 
 
 class Operations:
@@ -66,19 +68,16 @@ class Operations:
         Picking and dropping take ``seconds``, other operations too; actions on the way take no time.
         """
         plant = self._plant
-        found: dict[str, OperationBase] = {
-            each.action_type: each
-            if each.action_type not in (PICK, DROP)
-            else each.model_copy(update={"seconds": seconds})
-            for each in default_operations()
-        }
+        usual = {each.action_type: each for each in default_operations()}
+        loading = {name: usual[name].model_copy(update={"seconds": seconds}) for name in (PICK, DROP)}
+        found = {**usual, **loading}
         allowed = chain.from_iterable(each.allowed_operations for each in plant.location_types)
         asked = (each.operation for request in requests for each in request.destinations)
         for operation in dict.fromkeys((*allowed, *asked)):
             # a property vda5050:destinationAction sends the operation itself instead of its action
             for action in {self.action_type(operation): None, operation: None}:
                 if action:
-                    load = _LOADS.get(self.purpose_of(operation), "")
+                    load = _EFFECTS.get(self.purpose_of(operation), "")
                     found.setdefault(action, _timed(action, seconds, load=load))
         for action in self._on_the_way():
             found.setdefault(action, _timed(action, 0.0))
@@ -87,12 +86,15 @@ class Operations:
     def _on_the_way(self) -> Iterator[str]:
         """Yield the types of the actions that the layout and properties demand at nodes and on edges."""
         plant = self._plant
-        for each in chain(plant.points, plant.paths):
-            yield from (action.action_type for use in each.vehicle_types for action in use.actions)
-        for properties in (each.properties for each in chain(plant.points, plant.paths, plant.locations)):
-            yield from (action.action_type for action in find_actions(properties))
+        for point in plant.points:
+            yield from (action.action_type for use in point.vehicle_types for action in use.actions)
+        for path in plant.paths:
+            yield from (action.action_type for use in path.vehicle_types for action in use.actions)
+        objects: tuple[Point | Path | Location, ...] = (*plant.points, *plant.paths, *plant.locations)
+        for each in objects:
+            yield from (action.action_type for action in find_actions(each.properties))
 
 
-def _timed(action_type: str, seconds: float, *, load: str = "") -> OperationSettings:
+def _timed(action_type: str, seconds: float, *, load: Effect = "") -> OperationSettings:
     scopes = (ActionScope.NODE, ActionScope.EDGE)
     return OperationSettings(action_type=action_type, seconds=seconds, load=load, scopes=scopes)

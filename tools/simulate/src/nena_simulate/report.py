@@ -59,7 +59,7 @@ class Figures:
     """Robot minutes per hour by the path in front of the robot, or by its point."""
     unfinished: tuple[Unfinished, ...] = ()
     """Why orders did not finish, the most frequent reason first."""
-    notes: tuple[str, ...] = ()
+    notes: Sequence[str] = ()
     """What limits the meaning of the figures."""
 
     @classmethod

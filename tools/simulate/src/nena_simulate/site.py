@@ -28,20 +28,29 @@ from nena_edge_agent.robot_link import RobotLink
 from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings, IntervalSettings, JournalSettings
 from nena_order_service.extension import installed
 from nena_order_service.fleet.link import FleetLink
+from nena_order_service.routing.router import access_points
 from nena_order_service.service import make_engine, make_fleet
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.database import Changes, Unfinished
 from nena_order_service.store.store import Store
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.transport_order import TransportOrderRequest
-from nena_shared.plant import PlantModel, Point, PointType, Vehicle
+from nena_shared.fleet_api.transport_order import Destination, TransportOrderRequest
+from nena_shared.plant import NO_OPERATION, PlantModel, Point, PointType, Vehicle
 from nena_shared.plant import property_keys as keys
 from nena_shared.plant.driver_properties import OPTIONAL_PARAMETERS, TOPIC_PREFIX
 from nena_shared.plant.track import MM_PER_M
 from nena_shared.settings import settings_with
 from nena_shared.tasks import Supervisor
 from nena_shared.vda5050.topics import RobotKey
-from nena_simulate.demand import Demand, DemandError, Transport, Ways, describe_drawn, every_relation
+from nena_simulate.demand import (
+    Demand,
+    DemandError,
+    Relation,
+    Transport,
+    Ways,
+    describe_drawn,
+    every_relation,
+)
 from nena_simulate.operations import Operations
 from nena_simulate.wire import Broker, Conditions, Link
 
@@ -244,23 +253,17 @@ class Site:
         self.engine = make_engine(settings, plant, VolatileStore(COMMIT_SECONDS), clock)
         self._mqtt = Link(broker)
         self.fleet: FleetLink = make_fleet(settings, self._mqtt, self.engine, clock)
-        self._make_order = Transport(plant, case.operations())
-        self._relations = case.demand.relations or every_relation(
-            plant, case.operations(), [place.name for place in places]
-        )
-        self.notes: tuple[str, ...] = () if case.plant.vehicles else (NO_VEHICLES,)
+        operations = case.operations()
+        self._make_order = Transport(plant, operations)
+        self._relations = _relations_of(case, plant, places)
+        self.notes = [] if case.plant.vehicles else [NO_VEHICLES]
         """What the reader of the report must know of the orders and robots."""
-        if not case.demand.relations and case.demand.backlog:
+        if self._relations != case.demand.relations:
             first = self._make_order(self._relations[0].source, self._relations[0].destination)
-            self.notes += tuple(filter(None, [describe_drawn(first, case.operations())]))
-        offered = case.operations().actions(
-            [order.request for order in case.demand.orders], case.work_seconds
-        )
-        kinds = plant.location_types
-        self.offered = {each.action_type for each in offered} | {
-            name for kind in kinds for name in kind.allowed_operations
-        }
-        """The actions that the robots offer, and the operations of the plant."""
+            self.notes += filter(None, [describe_drawn(first, operations)])
+        offered = operations.actions([order.request for order in case.demand.orders], case.work_seconds)
+        self.offered = frozenset(each.action_type for each in offered)
+        """The actions that the robots offer; operations have one of their own name, too."""
         self.robots = [
             SimulatedRobot(vehicle, place, case, broker, self._random, operations=offered)
             for vehicle, place in zip(plant.vehicles, places, strict=True)
@@ -379,49 +382,40 @@ _OF_REAL_ROBOTS = (
 
 def check(case: Case) -> None:
     """Raise ValueError if the robots have no place in the plant, or no order can be drawn there."""
-    plant, places = staffed(case, _random_for(case.seed))
-    if not case.demand.orders and not case.demand.relations:
-        _check_stations(case, plant, places)
+    _relations_of(case, *staffed(case, _random_for(case.seed)))
 
 
-def _check_stations(case: Case, plant: PlantModel, places: Sequence[Point]) -> None:
-    if not any(location.links and not location.locked for location in plant.locations):
-        message = "the plant has no location that is linked to a point, so no orders can be drawn"
-    elif not plant.paths:
-        message = "the plant has no paths, so no orders can be drawn"
-    elif every_relation(plant, case.operations(), [place.name for place in places]):
-        return
-    else:
-        message = (
-            "no orders can be drawn: no vehicle can drive from one location to another one and back "
-            "(paths, locks, and what its type may use)"
-        )
-    message = f"{message}; --orders gives orders between points"
-    raise DemandError(message)
+def _relations_of(case: Case, plant: PlantModel, places: Sequence[Point]) -> tuple[Relation, ...]:
+    """Return the relations of the demand; of a mere backlog, those that the vehicles can serve."""
+    if case.demand.relations or not case.demand.backlog:
+        return case.demand.relations
+    found = every_relation(plant, case.operations(), [place.name for place in places])
+    if not found:
+        message = "no vehicle can drive from one location to another one and back"
+        if not any(location.links and not location.locked for location in plant.locations):
+            message = "the plant has no location that is linked to a point"
+        message = f"no orders can be drawn: {message}; --orders gives orders between points"
+        raise DemandError(message)
+    return found
 
 
 def _start_points(case: Case, plant: PlantModel, random: Random) -> list[Point]:
     """Return a start point for each vehicle, from which it reaches a station."""
-    if not plant.points:
-        message = "the plant has no points, so robots have no place"
-        raise ValueError(message)
+    operations = case.operations()
     named = [plant.point(start) for start in case.starts]
-    ways, relations = (
-        Ways(plant, case.operations()),
-        case.demand.relations or every_relation(plant, case.operations()),
+    relations = case.demand.relations or every_relation(plant, operations)
+    sources, goals = (
+        {
+            point
+            for place in places
+            for point in access_points(Destination(location_name=place, operation=NO_OPERATION), plant)
+        }
+        for places in ({each.source for each in relations}, {each.destination for each in relations})
     )
-    stations = {name for each in relations for name in (each.source, each.destination)}
-    linked = {
-        name: [link.point for link in plant.location(name).links]
-        for name in stations
-        if name in plant.locations_by_name
-    }
-    served = {point for points in linked.values() for point in points}
     parking = [point for point in plant.points if point.type is PointType.PARK_POSITION]
-    free = [point for point in plant.points if point.name not in served]
+    free = [point for point in plant.points if point.name not in sources | goals]
     places = {each.name: each for each in (*named, *parking, *random.sample(free, len(free)), *plant.points)}
-    sources = {point for each in relations for point in linked.get(each.source, (each.source,))}
-    chosen: list[Point] = []
+    ways, chosen = Ways(plant, operations), list[Point]()
     for vehicle in plant.vehicles:
         found = next((name for name in places if not sources or ways.is_way((name,), sources, vehicle)), None)
         if found is None or len(chosen) == len(plant.points) - 1:  # on full points, none could drive
