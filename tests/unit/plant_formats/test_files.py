@@ -6,6 +6,7 @@ from zipfile import ZipFile
 
 import pytest
 
+from nena_plant_formats import opentcs_xml as xml_format
 from nena_plant_formats.files import PlantFormat, format_of, read
 from nena_shared.plant import PlantModelError
 from support.lif_files import edge, lif_of, node
@@ -119,12 +120,44 @@ def test_file_that_is_no_plant_model_is_named(name: str) -> None:
     assert name in problem.text
 
 
-@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig", "iso-8859-1"])
-def test_xml_in_another_encoding_is_read(encoding: str) -> None:
-    text = FILES[PlantFormat.OPENTCS].decode().split("?>")[-1].replace('name="test"', 'name="Hölle"')
-    declared = encoding.removesuffix("-sig")
+@pytest.mark.parametrize(
+    ("encoding", "declared", "name"),
+    [
+        ("utf-16", "utf-16", "Hölle"),
+        ("utf-16", "UTF-8", "Hölle"),
+        ("utf-8-sig", "UTF-8", "Hölle"),
+        ("iso-8859-1", "ISO-8859-1", "Hölle"),
+        ("gbk", "GBK", "工厂"),
+        ("gb18030", "gb18030", "工厂"),
+        ("shift_jis", "Shift_JIS", "工場"),
+    ],
+)
+def test_xml_in_another_encoding_is_read(encoding: str, declared: str, name: str) -> None:
+    text = FILES[PlantFormat.OPENTCS].decode().split("?>")[-1].replace('name="test"', f'name="{name}"')
     data = f'<?xml version="1.0" encoding="{declared}"?>{text}'.encode(encoding)
-    assert read(data).model.name == "Hölle"
+    assert read(data).model.name == name
+
+
+def test_xml_in_another_encoding_than_stated_is_refused_with_the_reason() -> None:
+    with pytest.raises(PlantModelError, match="not in the encoding that it states"):
+        read('<?xml version="1.0" encoding="UTF-8"?><model version="7.0.0" name="Hölle"/>'.encode("latin-1"))
+
+
+@pytest.mark.parametrize(
+    ("written", "otherwise"),
+    [
+        ('type="HALT_POSITION"', 'type="halt_position"'),
+        ('connectionType="DIRECT"', 'connectionType="Direct"'),
+        ('locked="false"', 'locked="False"'),
+        ('version="7.0.0"', 'version="7.0"'),
+        ('maxVelocity="1000"', 'maxVelocity="1000.0"'),
+        ("<?xml", "\n<?xml"),
+    ],
+)
+def test_xml_with_one_meaning_is_read(written: str, otherwise: str) -> None:
+    data = xml_format.write(PLANT).data.decode()
+    assert written in data
+    assert read(data.replace(written, otherwise).encode()).model == read(data.encode()).model
 
 
 def test_unknown_fields_of_own_json_are_reported() -> None:

@@ -86,6 +86,9 @@ def test_very_many_attributes_are_refused_before_the_parser_sees_them(encoding: 
         ("6.0.0", FormatVersion.V6_0_0),
         ("7.0.0", FormatVersion.V7_0_0),
         ("7.0.3", FormatVersion.V7_0_0),
+        ("7.0", FormatVersion.V7_0_0),
+        ("v7.0.0", FormatVersion.V7_0_0),
+        (" 6 ", FormatVersion.V6_0_0),
     ],
 )
 def test_known_versions(text: str, version: FormatVersion) -> None:
@@ -94,7 +97,7 @@ def test_known_versions(text: str, version: FormatVersion) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["", "7", "0.0.0", "0.0.1", "0.0.6", "0.1.0", "1.0.0", "6.1.0", "7.1.0", "8.0.0", "60.0.0", "7.0.0-rc1"],
+    ["", "0", "0.0.0", "0.0.1", "0.0.6", "0.1.0", "1.0.0", "6.1.0", "7.1.0", "8.0.0", "60.0.0", "7.0.0-rc1"],
 )
 def test_other_versions_are_refused_by_name(text: str) -> None:
     with pytest.raises(PlantModelError) as caught:
@@ -174,7 +177,7 @@ def test_missing_attribute_may_have_a_default(read: Callable[[XmlObject], Any], 
 
 
 @pytest.mark.parametrize(
-    "text", ["", "7.0", "7e3", "1_000", "0x7", "\u0667", "--7", "9" * 16, "9" * 5000, "NaN"]
+    "text", ["", "7.5", "7e3", "1_000", "0x7", "\u0667", "--7", "9" * 16, "9" * 5000, "NaN"]
 )
 def test_non_integer_is_an_error(text: str) -> None:
     obj = element(a=text)
@@ -230,7 +233,9 @@ def test_an_angle_is_a_number_or_none(text: str, angle: float | None, found: lis
         ("1", True, []),
         ("false", False, []),
         ("0", False, []),
-        ("True", False, ["BAD_VALUE"]),
+        ("True", True, []),
+        ("FALSE", False, []),
+        ("yes", False, ["BAD_VALUE"]),
         ("", False, ["BAD_VALUE"]),
     ],
 )

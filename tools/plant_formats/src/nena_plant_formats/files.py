@@ -56,7 +56,7 @@ def read(data: bytes, *, strict: bool = False) -> ImportReport:
     """Read a plant model; `strict` rejects LIF that deviates from its standard. Raises PlantModelError."""
     match format_of(data):
         case PlantFormat.OPENTCS:
-            return opentcs_xml.read(data)
+            return opentcs_xml.read(data.lstrip())
         case PlantFormat.LIF:
             return lif.read(_json_bytes(data), strict=strict)
         case PlantFormat.NENA:

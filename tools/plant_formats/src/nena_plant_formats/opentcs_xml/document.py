@@ -1,6 +1,7 @@
 """openTCS XML documents: bounded parsing, format versions, and typed access that collects findings."""
 
 import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -13,7 +14,7 @@ from xml.etree.ElementTree import Element, ParseError, TreeBuilder
 from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import DefusedXMLParser
 
-from nena_plant_formats.exchange import refusal
+from nena_plant_formats.exchange import letters_of, refusal
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
 
 
@@ -75,7 +76,7 @@ def parse(data: bytes, limits: Limits) -> Element:
     # Plant models come from outside: an entity could read a file, or grow without bound.
     parser = DefusedXMLParser(target=_BoundedTreeBuilder(limits), forbid_dtd=True)
     try:
-        parser.feed(data)
+        parser.feed(_text_for_expat(data))
         root: Element = parser.close()
     except _LimitExceededError as error:
         raise refusal("LIMIT_EXCEEDED", str(error)) from None
@@ -83,7 +84,8 @@ def parse(data: bytes, limits: Limits) -> Element:
         raise refusal("FORBIDDEN_XML", f"DTDs and entities are not allowed; remove them: {error}") from error
     # For an unknown encoding, expat raises LookupError; for one of several bytes, ValueError.
     except (ParseError, LookupError, ValueError) as error:
-        raise refusal("MALFORMED_XML", f"neither JSON nor well-formed XML: {error}") from error
+        text = f"neither JSON nor well-formed XML, or not in the encoding that it states: {error}"
+        raise refusal("MALFORMED_XML", text) from error
     if root.tag in _EDITOR_ROOTS:
         raise _old_format()
     if root.tag != "model":
@@ -92,6 +94,20 @@ def parse(data: bytes, limits: Limits) -> Element:
         )
         raise refusal("NOT_A_PLANT_MODEL", text)
     return root
+
+
+_DECLARED: Final = re.compile(
+    rb"""<\?xml[^>]*encoding=["'](gb\d+|gbk|big5|shift_jis|euc-\w\w)["']""", re.IGNORECASE
+)
+
+
+def _text_for_expat(data: bytes) -> bytes | str:
+    """Decode a text whose encoding expat cannot read or, after a byte order mark, would not believe."""
+    declared = _DECLARED.match(data)
+    encoding = (
+        "utf-16" if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else declared and declared[1].decode()
+    )
+    return data.decode(encoding) if encoding else data
 
 
 _BINARY_FORMATS: Final = b"\xac\xed\x00\x05"
@@ -110,7 +126,7 @@ def _old_format() -> PlantModelError:
 
 
 _READABLE = "0.0.2, 0.0.3, 0.0.4, 0.0.5, 6.0.x and 7.0.x"
-_NUMBERS = re.compile(r"(\d{1,9})\.(\d{1,9})\.(\d{1,9})")
+_NUMBERS = re.compile(r"v?(\d{1,9})(?:\.(\d{1,9}))?(?:\.(\d{1,9}))?", re.IGNORECASE)
 
 
 class FormatVersion(IntEnum):
@@ -136,9 +152,9 @@ class FormatVersion(IntEnum):
     @staticmethod
     def parse(text: str, model_name: str) -> "FormatVersion":
         """Parse a format version; raises PlantModelError if it is not supported."""
-        numbers = _NUMBERS.fullmatch(text)
+        numbers = _NUMBERS.fullmatch(text.strip())
         if numbers is not None:
-            major, minor, patch = (int(number) for number in numbers.groups())
+            major, minor, patch = (int(number or 0) for number in numbers.groups())
             # Before 6.0.0, openTCS counted its formats by the last number: 0.0.2 to 0.0.5.
             known = _MAJORS.get(major) if major else _PATCHES.get(patch)
             if minor == 0 and known is not None:
@@ -264,9 +280,9 @@ class XmlObject:
             if default is None:
                 self._report_missing(attribute)
             return fallback
-        if INTEGER.fullmatch(value.strip()) is None:
+        if INTEGER.fullmatch(value.strip().removesuffix(".0")) is None:
             return self._report_bad(attribute, "a whole number", fallback)
-        number = int(value)
+        number = int(value.strip().removesuffix(".0"))
         if (minimum is not None and number < minimum) or (maximum is not None and number > maximum):
             wanted = f"at least {minimum}" if maximum is None else f"between {minimum} and {maximum}"
             return self._report_bad(attribute, wanted, fallback)
@@ -299,9 +315,9 @@ class XmlObject:
             if default is None:
                 self._report_missing(attribute)
             return bool(default)
-        if value not in _BOOLEANS:
+        if letters_of(value) not in _BOOLEANS:
             return self._report_bad(attribute, "'true' or 'false'", fallback=False)
-        return _BOOLEANS[value]
+        return _BOOLEANS[letters_of(value)]
 
     def choice(
         self,
@@ -321,10 +337,12 @@ class XmlObject:
         if value in renamed and self.findings.version <= FormatVersion.V0_0_4:
             self.warn("VALUE_REPLACED", f"{attribute} {value} of older formats is read as {renamed[value]}")
             return renamed[value]
-        try:
-            return choices(value)
-        except ValueError:
+        meant = next((each for each in choices if letters_of(each) == letters_of(value)), None)
+        if meant is None:
             return self._report_bad(attribute, f"one of {', '.join(choices)}", fallback)
+        if meant != value:
+            self.warn("VALUE_REPLACED", f"{attribute} {value!r} is read as {meant}")
+        return meant
 
     def color(self, attribute: str) -> str | None:
         """Return a colour `#RRGGBB`; drop anything else with a warning."""
