@@ -4,10 +4,10 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from enum import EnumType
+from enum import StrEnum
 from functools import cache
 from math import hypot, pi, radians
-from typing import Any, Final, get_origin
+from typing import Any, Final
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
@@ -141,15 +141,16 @@ def _repair_values(each: dict[str, Any], fields: _Fields) -> Iterator[tuple[str,
             each[key] = _IF_MISSING[key]()
         elif key not in each or not (value is None or isinstance(value, str)):
             continue
-        elif value is None and field.is_required() and tuple in map(get_origin, parts):
+        elif value is None and field.is_required() and getattr(parts[0], "__origin__", None) is tuple:
             each[key] = []
         elif not field.is_required() and (value is None or (value == "" and str not in parts)):
             del each[key]
             if value is None and field.default is None:
                 yield "NOT_LIF", f"{key!r} is null; read as missing"
         elif value:
-            words = [word.value for part in parts if isinstance(part, EnumType) for word in part]
-            each[key] = {letters_of(word): word for word in words}.get(letters_of(value), value)
+            enumerations = [part for part in parts if isinstance(part, type) and issubclass(part, StrEnum)]
+            words = {letters_of(word): word.value for enumeration in enumerations for word in enumeration}
+            each[key] = words.get(letters_of(value), value)
 
 
 def warning(code: str, text: str) -> PlantProblem:
