@@ -61,6 +61,7 @@ def test_check_lists_all_errors_and_exits_with_1(tmp_path: Path) -> None:
         ({"vda5050:serialNumber": "a+b"}, "NOT_IN_TOPICS"),
         ({"vda5050:manufacturer": "a/b"}, "NOT_IN_TOPICS"),
         ({"vda5050:interfaceName": "#"}, "NOT_IN_TOPICS"),
+        ({"vda5050:topicPrefix": "a/#"}, "NOT_IN_TOPICS"),
         ({"vda5050:serialNumber": "x" * 400}, "NOT_IN_TOPICS"),
         ({"vda5050:version": "1.1"}, "UNKNOWN_VDA5050_VERSION"),
         ({"vda5050:serialNumber": "V0"}, "SAME_SERIAL_NUMBER"),

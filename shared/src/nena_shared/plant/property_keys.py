@@ -1,4 +1,4 @@
-"""Keys of properties that NeNa uses. Other properties are kept and ignored."""
+"""Keys of properties that NeNa uses, beside those of openTCS's driver. Others are kept and ignored."""
 
 from typing import Final
 
