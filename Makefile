@@ -4,8 +4,8 @@ SHELL := bash
 VENV := .venv
 BIN := $(VENV)/bin
 # The first supported interpreter that runs; `make PYTHON=...` overrides it.
-PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
-	$$p -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && command -v $$p && break; done)
+PYTHON ?= $(shell for p in python3.12 python3.13 python3.14 python3.11 python3; do \
+	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && command -v $$p && break; done)
 DISTRIBUTIONS := shared $(addprefix services/,order_service edge_agent status_aggregator) $(addprefix tools/,plant_formats robot_simulator client conversations cli demo deploy simulate)
 SOURCES := $(DISTRIBUTIONS:%=%/src)
 # Processes that run tests in parallel; each test has its own ROS domain, broker and ports.
@@ -26,13 +26,13 @@ SOAK := tests/unit/shared/vda5050/test_round_trip.py tests/unit/shared/vda5050/t
 FUZZED := tests/fuzz tests/unit/plant_formats/lif/test_damaged_files.py tests/unit/plant_formats/opentcs_xml/test_damaged_files.py
 STAMP := $(VENV)/.set-up
 define NEEDS_PYTHON
-@[ -n "$(PYTHON)" ] || { echo "NeNa needs CPython 3.11, 3.12 or 3.13 with venv. On Debian or Ubuntu: apt-get install python3 python3-venv. Or name one: make PYTHON=/path/to/python3.12 setup" >&2; exit 1; }
+@[ -n "$(PYTHON)" ] || { echo "NeNa needs CPython 3.11 or newer with venv. On Debian or Ubuntu: apt-get install python3 python3-venv. Or name one: make PYTHON=/path/to/python3.12 setup" >&2; exit 1; }
 endef
 # Tests start programs by the hundred, which need not be compiled each time.
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup action-types wheels lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses soak-nemesis oidc-test docs compose-test colcon-test nav2-test smoke demo bench conversations hooks clean broker brokers browser monitoring alerts-test sbom fuzz faults conformance reference
+.PHONY: help setup action-types wheels check-wheels lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses soak-nemesis oidc-test docs compose-test colcon-test nav2-test smoke demo bench conversations hooks clean broker brokers browser monitoring alerts-test sbom fuzz faults conformance reference
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -70,6 +70,9 @@ wheels: $(VENV)/build/.set-up ## build the wheels of all programs into build/whe
 	rm -rf build/wheels
 	$(VENV)/build/bin/pip wheel --quiet --no-deps --no-build-isolation --wheel-dir build/wheels $(DISTRIBUTIONS:%=./%)
 
+check-wheels: $(STAMP) ## check that each pinned dependency has a wheel for CPython 3.11 to 3.14, x86-64 and Arm
+	deploy/check-wheels
+
 format: $(STAMP) ## format the code
 	$(BIN)/ruff check --fix --quiet . ; $(BIN)/ruff format --quiet .
 
@@ -94,9 +97,9 @@ test-unit: $(STAMP) ## unit tests only: no broker, ROS, browser or simulated pla
 test: $(STAMP) action-types broker brokers browser monitoring ## all tests but the long ones; TESTS=path runs a part of them
 	$(BIN)/pytest $(SHARED_OUT) $(TESTS)
 
-test-all: $(STAMP) action-types broker brokers browser monitoring ## all tests, with long and quarantined ones and branch coverage, then soak-cores, fuzz and faults: several hours
+test-all: $(STAMP) action-types broker brokers browser monitoring ## all tests, with long and quarantined ones and branch coverage, then check-wheels, soak-cores, fuzz and faults: several hours
 	$(BIN)/pytest $(SHARED_OUT) $(COVERED) --long
-	$(MAKE) soak-cores fuzz faults
+	$(MAKE) check-wheels soak-cores fuzz faults
 
 conformance: $(STAMP) ## regenerate docs/vda5050.md: conformance clause by clause, with its tests
 	PYTHONPATH=tests $(BIN)/python -m conformance.table

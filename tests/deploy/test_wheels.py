@@ -53,24 +53,3 @@ def test_files_beside_the_code_are_in_the_wheels(installed: Path) -> None:
         ("nena_client", "py.typed"),
     ):
         assert list((installed / package).glob(pattern)), (package, pattern)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("service", ["order_service", "status_aggregator", "edge_agent"])
-@pytest.mark.parametrize("version", ["3.11", "3.12", "3.13", "3.14"])
-def test_each_dependency_has_a_wheel_for_each_python(version: str, service: str, tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        "-m",
-        "pip",
-        "--disable-pip-version-check",
-        "--no-input",
-        "download",
-        "--quiet",
-    ]
-    chosen = ["--no-deps", "--only-binary=:all:", "--python-version", version, "-d", str(tmp_path)]
-    pinned = ["--require-hashes", "-r", str(ROOT / "requirements" / f"{service}.txt")]
-    ran = subprocess.run(
-        [*command, *chosen, *pinned], capture_output=True, text=True, check=False, timeout=300
-    )
-    assert ran.returncode == 0, ran.stderr
