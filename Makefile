@@ -32,7 +32,7 @@ endef
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup action-types wheels check-wheels lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses soak-nemesis oidc-test docs compose-test colcon-test nav2-test smoke demo bench conversations hooks clean broker brokers browser monitoring alerts-test sbom fuzz faults conformance reference
+.PHONY: help setup action-types wheels check-wheels lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses soak-nemesis oidc-test docs compose-test colcon-test kilted-test nav2-test smoke demo bench conversations hooks clean broker brokers browser monitoring alerts-test sbom fuzz faults conformance reference
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -175,6 +175,22 @@ peers-test: $(STAMP) broker ## the edge agent and the order service with npm's v
 NAV2 ?= --simulator
 nav2-test: $(STAMP) action-types broker ## test the edge agent with a running Nav2 (NAV2="--domain 7 ..."); writes build/nav2-test.md
 	PYTHONPATH=tests $(BIN)/python -m nav2_acceptance $(NAV2)
+
+# In an environment of its own, with the ROS packages of Kilted in place of those in dev.txt.
+$(VENV)/kilted/.set-up: requirements/kilted.txt $(STAMP)
+	$(BIN)/python -m venv $(VENV)/kilted
+	awk '/^[^ #]/ {other = !/^ros-/} other' requirements/dev.txt > $(VENV)/kilted/others.txt
+	for each in $(VENV)/kilted/others.txt requirements/kilted.txt; do \
+		$(VENV)/kilted/bin/pip install --quiet --quiet --no-deps --require-hashes -r $$each; done
+	$(VENV)/kilted/bin/pip install --quiet --no-deps --no-build-isolation $(DISTRIBUTIONS:%=-e %)
+	$(VENV)/kilted/bin/python -m nena_robot_simulator.interfaces
+	@touch $@
+
+OTHER_ROS := tests/integration/edge_agent/nav2/test_other_distribution.py
+kilted-test: $(VENV)/kilted/.set-up action-types broker ## the edge agent's tests on the wheels of ROS 2 Kilted, and with Jazzy in one domain (TESTS=path for a part)
+	NENA_OTHER_ROS=$(BIN) $(VENV)/kilted/bin/pytest $(OTHER_ROS)
+	NENA_OTHER_ROS=$(VENV)/kilted/bin $(BIN)/pytest $(OTHER_ROS)
+	$(VENV)/kilted/bin/pytest $(SHARED_OUT) $(or $(TESTS),tests/integration/edge_agent)
 
 colcon-test: $(STAMP) broker ## build the edge agent as a ROS package with colcon, and start the installed agent
 	@[ -x $(VENV)/colcon/bin/colcon ] || { $(BIN)/python -m venv $(VENV)/colcon && \

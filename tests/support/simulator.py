@@ -25,6 +25,8 @@ from nena_shared.clock import SystemClock
 from support.ros import RosPeer
 from support.waiting import PATIENCE, STARTUP, wait_until
 
+PROGRAMS = Path(sys.executable).parent
+"""Folder of the simulator's console script."""
 HALL = hall(min_x=-20, min_y=-20, max_x=40, max_y=40, resolution=0.2)
 
 
@@ -118,7 +120,7 @@ class SimulatorProcess:
         environment.pop("ROS_LOG_DIR", None)
         self.lines: list[str] = []
         self._process = subprocess.Popen(
-            [str(Path(sys.executable).parent / "nena-robot-simulator"), *arguments],
+            [str(PROGRAMS / "nena-robot-simulator"), *arguments],
             env=environment,
             stderr=subprocess.PIPE,
             text=True,
