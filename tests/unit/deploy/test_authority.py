@@ -61,3 +61,17 @@ def test_it_is_kept_in_two_files(authority: Authority, tmp_path: Path) -> None:
     made.verify_directly_issued_by(x509.load_pem_x509_certificate(authority.pem))
     assert (tmp_path / "key.pem").stat().st_mode & 0o077 == 0
     assert expiry(tmp_path / "ca.pem") == NOW + timedelta(days=3650)
+
+
+def test_a_certificate_ends_with_its_authority(authority: Authority) -> None:
+    for made in (authority.for_client("x", NOW, 9999), authority.for_server(["x.example"], NOW, 9999)):
+        certificate = x509.load_pem_x509_certificate(made.certificate)
+        assert certificate.not_valid_after_utc == NOW + timedelta(days=3650)
+
+
+def test_a_secret_that_replaces_a_readable_file_is_readable_for_its_owner_only(tmp_path: Path) -> None:
+    path = tmp_path / "key.pem"
+    path.touch(mode=0o644)
+    path.chmod(0o644)
+    write_secret(path, b"key")
+    assert path.stat().st_mode & 0o777 == 0o600

@@ -12,6 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from cryptography import x509
 from typer.testing import CliRunner, Result
 
 from nena_deploy.commands import app
@@ -74,6 +75,19 @@ def test_a_service_serves_https_under_the_names_it_was_given(site: Path) -> None
         shake_hands(made, name)
     with pytest.raises(ssl.SSLError, match=r"192\.0\.2\.3"):
         shake_hands(made, "192.0.2.3")
+
+
+def test_a_replaced_https_certificate_is_revoked(site: Path) -> None:
+    made = []
+    for _ in range(2):
+        assert run("https", site, "order-service", "--host", "order-service").exit_code == 0
+        certificate = (site / "https" / "order-service" / "certificate.pem").read_bytes()
+        made.append(x509.load_pem_x509_certificate(certificate).serial_number)
+    revoked = x509.load_pem_x509_crl((site / "broker" / "revoked.pem").read_bytes())
+    assert [revoked.get_revoked_certificate_by_serial_number(each) is not None for each in made] == [
+        True,
+        False,
+    ]
 
 
 def test_invalid_host_name_yields_no_certificate(site: Path) -> None:

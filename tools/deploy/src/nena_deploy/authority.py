@@ -44,7 +44,7 @@ class Authority:
         key = ec.generate_private_key(ec.SECP256R1())
         subject = _common_name(name[:COMMON_NAME])
         built = (
-            _certificate_builder(subject, subject, key, key, now, AUTHORITY_DAYS)
+            _certificate_builder(subject, subject, key, key, now, now + timedelta(days=AUTHORITY_DAYS))
             .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
             .add_extension(_key_usage(signs=True), critical=True)
         )
@@ -100,9 +100,11 @@ class Authority:
         self, name: str, now: datetime, days: int, more: x509.SubjectAlternativeName | None, *, server: bool
     ) -> Pair:
         key = ec.generate_private_key(ec.SECP256R1())
+        # RFC 5280, 6.1.3: nobody accepts it longer than its CA.
+        until = min(now + timedelta(days=days), self._certificate.not_valid_after_utc)
         purpose = ExtendedKeyUsageOID.SERVER_AUTH if server else ExtendedKeyUsageOID.CLIENT_AUTH
         built = (
-            _certificate_builder(_common_name(name), self._certificate.subject, key, self._key, now, days)
+            _certificate_builder(_common_name(name), self._certificate.subject, key, self._key, now, until)
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
             .add_extension(_key_usage(signs=False), critical=True)
             .add_extension(x509.ExtendedKeyUsage([purpose]), critical=False)
@@ -115,9 +117,15 @@ class Authority:
 
 def write_secret(path: Path, content: bytes) -> None:
     """Write a file that only its owner may read."""
-    # Mode at creation: with a later chmod, others could open a new file before it.
+    # Mode at creation: with a later chmod alone, others could open a new file before it.
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:
+        os.fchmod(file.fileno(), 0o600)  # a file that exists keeps its mode when it is opened
         file.write(content)
+
+
+def serial_number(certificate: Path) -> int:
+    """Return the serial number of a certificate."""
+    return x509.load_pem_x509_certificate(certificate.read_bytes()).serial_number
 
 
 def expiry(certificate: Path) -> datetime:
@@ -136,7 +144,7 @@ def _certificate_builder(  # noqa: PLR0917 - the contents of every certificate
     key: ec.EllipticCurvePrivateKey,
     issuer_key: ec.EllipticCurvePrivateKey,
     now: datetime,
-    days: int,
+    until: datetime,
 ) -> x509.CertificateBuilder:
     """Start a certificate; CPython 3.13 rejects it without both key identifiers (RFC 5280, 4.2.1)."""
     identifier = x509.SubjectKeyIdentifier.from_public_key(key.public_key())
@@ -148,7 +156,7 @@ def _certificate_builder(  # noqa: PLR0917 - the contents of every certificate
         .public_key(key.public_key())
         .serial_number(x509.random_serial_number())
         .not_valid_before(now - SKEW)
-        .not_valid_after(now + timedelta(days=days))
+        .not_valid_after(until)
         .add_extension(identifier, critical=False)
         .add_extension(issuers, critical=False)
     )

@@ -17,7 +17,7 @@ from typing import Self
 from cryptography.exceptions import UnsupportedAlgorithm
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from nena_deploy.authority import Authority, Pair, utc_now, write_secret
+from nena_deploy.authority import Authority, Pair, serial_number, utc_now, write_secret
 from nena_deploy.identities import (
     Identity,
     IdentityError,
@@ -260,7 +260,9 @@ class Site:
         return folder
 
     def certify_https(self, service: Kind, hosts: tuple[str, ...], *, days: int) -> Path:
-        """Create the certificate with which a service serves HTTPS, or replace it; return its folder.
+        """Create the certificate with which a service serves HTTPS; return its folder.
+
+        An older one is replaced and revoked.
 
         Raises:
             SiteError: a host is neither a name nor an address.
@@ -272,6 +274,9 @@ class Site:
             raise SiteError(_no_host(hosts, error)) from error
         folder = self.folder / "https" / service
         folder.mkdir(parents=True, exist_ok=True)
+        if (replaced := folder / "certificate.pem").exists():
+            self._register.revoked.append(serial_number(replaced))
+            self._save_register()
         self._write_pair(folder, pair)
         return folder
 
@@ -363,8 +368,14 @@ async def _clear_topics(broker: MqttSettings, topics: Iterable[str]) -> None:
                 client.send(Outbound(topic, b"", qos=1, retain=True), partial(confirmed.set_result, None))
                 confirmations.append(confirmed)
             receiving = asyncio.ensure_future(client.receive(lambda _: None))
-            await asyncio.gather(*confirmations)
-            receiving.cancel()
+            confirming = asyncio.gather(*confirmations)
+            try:
+                await asyncio.wait((receiving, confirming), return_when=asyncio.FIRST_COMPLETED)
+                if receiving.done():
+                    await receiving
+            finally:
+                receiving.cancel()
+                confirming.cancel()
     except (MqttError, OSError) as error:
         reason = str(error) or "it does not answer"
         raise BrokerError(reason) from error
