@@ -26,7 +26,6 @@ from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine, sent
-from support.waiting import until
 
 S = TransportOrderState
 
@@ -373,13 +372,13 @@ async def test_looking_at_all_vehicles_takes_a_limited_share_of_the_time(
         look(vehicles)
 
     async def passes(_due: asyncio.Event, _pause: float) -> bool:
-        await asyncio.sleep(0)
+        if len(looks) >= len(looked_at):
+            raise asyncio.CancelledError
         return False
 
     monkeypatch.setattr(engine_module, "set_within", passes)
     monkeypatch.setattr(engine_module, "thread_time", lambda: next(now) * seconds)
     monkeypatch.setattr(engine, "run_checks", looked)
-    checks = asyncio.create_task(engine.run())
-    await until(lambda: len(looks) >= len(looked_at), what="some checks")
-    checks.cancel()
-    assert looks[: len(looked_at)] == looked_at
+    with pytest.raises(asyncio.CancelledError):
+        await engine.run()
+    assert looks == looked_at

@@ -15,7 +15,7 @@ from starlette.routing import Route
 from structlog.testing import capture_logs
 
 from nena_shared.clock import SystemClock
-from nena_shared.extensions.oidc.issuer import LOOKS_AT_ONCE, AccessTokens
+from nena_shared.extensions.oidc.issuer import LOOKS_AT_ONCE, IssuerTokens
 from nena_shared.fleet_api.base import Role
 from nena_shared.settings import ConfigurationError
 from nena_shared.web.access import (
@@ -333,7 +333,7 @@ OIDC = OidcSettings(issuer="https://login.example", audience="nena")
 
 def test_it_is_off_until_an_issuer_is_named() -> None:
     assert access_tokens_of(HttpSettings(port=0)) is None
-    assert isinstance(access_tokens_of(HttpSettings(port=0, oidc=OIDC)), AccessTokens)
+    assert isinstance(access_tokens_of(HttpSettings(port=0, oidc=OIDC)), IssuerTokens)
 
 
 def test_missing_libraries_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:

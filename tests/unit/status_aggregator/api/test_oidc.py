@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from structlog.testing import capture_logs
 
-from nena_shared.extensions.oidc.issuer import AccessTokens
+from nena_shared.extensions.oidc.issuer import IssuerTokens
 from nena_shared.web.access import access_tokens_of
 from nena_status_aggregator.api.oidc import Attempt, SignIn, SignInError, sign_in_of
 from nena_status_aggregator.settings import AggregatorHttpSettings, PanelOidcSettings
@@ -27,11 +27,11 @@ def issuer(issuer: OidcIssuer) -> OidcIssuer:
     return issuer
 
 
-def tokens(issuer: OidcIssuer, **more: Any) -> AccessTokens:
+def tokens(issuer: OidcIssuer, **more: Any) -> IssuerTokens:
     chosen = PanelOidcSettings.model_validate({**issuer.settings_of(PANEL), **more})
     http = AggregatorHttpSettings(oidc=chosen)
     reader = access_tokens_of(http)
-    assert isinstance(reader, AccessTokens)
+    assert isinstance(reader, IssuerTokens)
     return reader
 
 
@@ -110,6 +110,8 @@ async def refusal(issuer: OidcIssuer, **settings: Any) -> SignInError:
         ({"nonce": "\ud800"}, "nonce"),
         ({"aud": "another-client"}, "another audience"),
         ({"aud": [CLIENT, "other"], "azp": "other"}, "azp"),
+        ({"aud": [CLIENT, "other"], "azp": None}, "azp"),
+        ({"aud": [CLIENT, "other"]}, "azp"),
         ({"iss": "https://evil.example"}, "another issuer"),
         ({"exp": 1}, "expired"),
         ({"sub": "id-of-vic"}, "different users"),

@@ -21,6 +21,10 @@ def action(status: str, name: str = "a1") -> dict[str, Any]:
     return {"action_id": name, "action_type": "pick", "action_status": status, "action_result": "box 7"}
 
 
+CANCELLED = {"action_id": "c", "action_type": "cancelOrder", "action_status": "FINISHED"}
+AT_THE_END: dict[str, Any] = {"order_id": "o1", "last_node_id": "B", "last_node_sequence_id": 2}
+
+
 def test_first_state_only_raises_errors() -> None:
     first = state(order_id="o1", errors=(ERROR,), action_states=(action("FINISHED"),), **way("B"))
     assert changes_of(None, first) == {
@@ -60,12 +64,21 @@ def test_order_from_acceptance_to_end() -> None:
             ),
             "abandoned",
         ),
+        (state(**AT_THE_END, instant_action_states=(CANCELLED,)), "abandoned"),
+        (state(**AT_THE_END, action_states=(CANCELLED,)), "abandoned"),
+        (state(**AT_THE_END, instant_action_states=({**CANCELLED, "action_status": "FAILED"},)), "completed"),
         (state(order_id="o2", last_node_id="B", **way("D")), "unseen"),
     ],
 )
 def test_how_an_order_ended(end: State, outcome: str) -> None:
     before = state(order_id="o1", last_node_id="A", action_states=(action("RUNNING"),), **way("B"))
     assert changes_of(before, end)["orderEnded"] == {"orderId": "o1", "outcome": outcome}
+
+
+def test_the_cancellation_of_an_earlier_order_does_not_count() -> None:
+    before = state(order_id="o1", last_node_id="A", instant_action_states=(CANCELLED,), **way("B"))
+    end = state(**AT_THE_END, instant_action_states=(CANCELLED,))
+    assert changes_of(before, end)["orderEnded"]["outcome"] == "completed"
 
 
 def test_first_node_of_a_new_order_is_not_reached() -> None:

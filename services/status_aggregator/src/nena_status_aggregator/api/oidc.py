@@ -31,7 +31,7 @@ from nena_status_aggregator.api.session import SIGN_IN, TOKEN_LIMIT, keep
 from nena_status_aggregator.settings import PanelOidcSettings
 
 if TYPE_CHECKING:
-    from nena_shared.extensions.oidc.issuer import AccessTokens, Metadata
+    from nena_shared.extensions.oidc.issuer import IssuerTokens, Metadata
 
 
 log = get_logger(__name__)
@@ -96,7 +96,7 @@ class SignedIn:
 class SignIn:
     """The authorization code flow between browser and issuer."""
 
-    def __init__(self, tokens: AccessTokens, settings: PanelOidcSettings) -> None:
+    def __init__(self, tokens: IssuerTokens, settings: PanelOidcSettings) -> None:
         """Create the flow; ``settings`` define a client.
 
         Raises:
@@ -177,8 +177,9 @@ class SignIn:
         claims = await self._tokens.claims(identity, self._client)
         if not _is_same(str(claims.get("nonce")), attempt.nonce):
             raise SignInError("unfit", "the ID token belongs to another sign-in (nonce)")
-        # An ID token for several audiences names in azp the one that it was issued to.
-        if claims.get("azp", self._client) != self._client:
+        # OpenID Connect Core 3.1.3.7: a token for several audiences has to name in azp whom it was issued to.
+        assumed = self._client if claims["aud"] in (self._client, [self._client]) else None
+        if claims.get("azp", assumed) != self._client:
             raise SignInError("unfit", "the ID token belongs to another client (azp)")
         user = await self._tokens.user_of(access)
         # Else a stolen access token of somebody else could be slipped into this sign-in.
@@ -201,7 +202,7 @@ class SignIn:
         return None
 
 
-def sign_in_of(tokens: Any) -> SignIn | None:  # noqa: ANN401 - AccessTokens; loaded by access control
+def sign_in_of(tokens: Any) -> SignIn | None:  # noqa: ANN401 - IssuerTokens; loaded by access control
     """Return the sign-in if the settings define a client, else None.
 
     Raises:

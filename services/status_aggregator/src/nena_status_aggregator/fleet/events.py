@@ -8,7 +8,7 @@ from datetime import datetime
 from enum import StrEnum
 from typing import NamedTuple
 
-from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.action import ActionState, ActionStatus
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import State
 from nena_status_aggregator.fleet.view_builder import LIST_LIMIT, is_active, short
@@ -161,20 +161,28 @@ def _order_changes(before: State, now: State) -> Iterator[Change]:
 def _outcome_of(before: State, now: State) -> Outcome:
     if now.order_id != before.order_id:
         return Outcome.UNSEEN
-    # Cancelling empties the remaining nodes, too (VDA 5050 3.0, 6.1.3): last node and failed actions tell.
+    # Cancelling empties the remaining nodes, too (VDA 5050 3.0, 6.1.3): last node and actions tell.
     last = before.node_states[-1].sequence_id if before.node_states else 0
     failed = any(state.action_status is ActionStatus.FAILED for state in now.action_states)
-    completed = now.last_node_sequence_id >= last and not failed
+    over = {each.action_id for each in _all_actions(before) if each.action_status.ended}
+    cancelled = any(
+        each.action_type == "cancelOrder"
+        and each.action_status is not ActionStatus.FAILED
+        and each.action_id not in over
+        for each in _all_actions(now)
+    )
+    completed = now.last_node_sequence_id >= last and not (failed or cancelled)
     return Outcome.COMPLETED if completed else Outcome.ABANDONED
+
+
+def _all_actions(state: State) -> tuple[ActionState, ...]:
+    return (*state.action_states, *state.instant_action_states)
 
 
 def _action_changes(before: State, now: State) -> Iterator[Change]:
     if not (now.action_states or now.instant_action_states):
         return
-    old = {
-        state.action_id: state.action_status
-        for state in (*before.action_states, *before.instant_action_states)
-    }
+    old = {each.action_id: each.action_status for each in _all_actions(before)}
     for action in (*now.action_states[:LIST_LIMIT], *now.instant_action_states[:LIST_LIMIT]):
         if not action.action_status.ended or action.action_status is old.get(action.action_id):
             continue

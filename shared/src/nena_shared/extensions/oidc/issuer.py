@@ -342,7 +342,7 @@ class Issuer:
         return self._clock.monotonic() - known.at < seconds
 
 
-class AccessTokens:
+class IssuerTokens:
     """Verifies the issuer's tokens for this service's audience."""
 
     def __init__(self, issuer: Issuer) -> None:
@@ -372,10 +372,10 @@ class AccessTokens:
         return verified(token, key, header, issuer=settings.issuer, audience=audience, leeway=settings.leeway)
 
 
-def make_reader(settings: OidcSettings) -> AccessTokens:
+def make_reader(settings: OidcSettings) -> IssuerTokens:
     """Return what reads the tokens of an issuer.
 
     Raises:
         ConfigurationError: the CA file for the issuer is unusable.
     """
-    return AccessTokens(Issuer(settings))
+    return IssuerTokens(Issuer(settings))

@@ -17,9 +17,9 @@ from nena_shared.extensions.oidc.issuer import (
     KEPT,
     KEYS_LIMIT,
     LOOKS_AT_ONCE,
-    AccessTokens,
     BoundedHttp,
     Issuer,
+    IssuerTokens,
     KeySet,
     metadata_of,
     metadata_url,
@@ -332,17 +332,17 @@ def test_invalid_metadata_is_explained(change: dict[str, Any], reason: str) -> N
 
 
 @pytest.fixture
-def tokens(settings: OidcSettings) -> AccessTokens:
-    return AccessTokens(Issuer(settings))
+def tokens(settings: OidcSettings) -> IssuerTokens:
+    return IssuerTokens(Issuer(settings))
 
 
-async def test_user_is_read_from_a_token(tokens: AccessTokens, issuer: OidcIssuer) -> None:
+async def test_user_is_read_from_a_token(tokens: IssuerTokens, issuer: OidcIssuer) -> None:
     ann = await tokens.user_of(issuer.token("ann"))
 
     assert (ann.name, ann.role, ann.subject) == ("ann", Role.OPERATOR, "id-of-ann")
 
 
-async def test_keys_rotate_while_tokens_are_used(tokens: AccessTokens, issuer: OidcIssuer) -> None:
+async def test_keys_rotate_while_tokens_are_used(tokens: IssuerTokens, issuer: OidcIssuer) -> None:
     old = issuer.token("ann")
     await tokens.user_of(old)
     issuer.keys.insert(0, ec_key("ec-2"))
@@ -351,18 +351,18 @@ async def test_keys_rotate_while_tokens_are_used(tokens: AccessTokens, issuer: O
     assert (await tokens.user_of(old)).name == "ann"
 
 
-async def test_unknown_key_is_refused(tokens: AccessTokens, issuer: OidcIssuer) -> None:
+async def test_unknown_key_is_refused(tokens: IssuerTokens, issuer: OidcIssuer) -> None:
     with pytest.raises(TokenRefusedError, match="does not have this key"):
         await tokens.user_of(issuer.token("ann", ec_key("made-up")))
 
 
-async def test_user_without_a_role_is_reported(tokens: AccessTokens, issuer: OidcIssuer) -> None:
+async def test_user_without_a_role_is_reported(tokens: IssuerTokens, issuer: OidcIssuer) -> None:
     with pytest.raises(NoRoleError, match="bob"):
         await tokens.user_of(issuer.token("bob"))
 
 
 async def test_disallowed_algorithm_causes_no_request(settings: OidcSettings, issuer: OidcIssuer) -> None:
-    tokens = AccessTokens(Issuer(settings.model_copy(update={"algorithms": ("ES256",)})))
+    tokens = IssuerTokens(Issuer(settings.model_copy(update={"algorithms": ("ES256",)})))
     with pytest.raises(TokenRefusedError, match="only ES256"):
         await tokens.user_of(issuer.token("ann"))
     assert not issuer.asked

@@ -78,6 +78,7 @@ def _changing_request(route: str, request: Request, body: Callable[[], bytes]) -
         name=str(request.path_params.get("name", "")),
         body=lambda: _content_of(request, body()),
         creates=kind_of_path(operation.creates) if operation and operation.creates else "",
+        # As in api/operations: what an instant action has done is known only when the robot answers.
         joins=operation is not table.INSTANT_ACTION,
     )
 

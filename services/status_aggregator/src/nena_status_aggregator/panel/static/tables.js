@@ -23,7 +23,7 @@ function isNamed(name) {
 }
 
 class RobotTable extends LiveTable {
-  columns = ["robots.name", "robots.condition", "robots.battery", "robots.order", "robots.age", "robots.since", "robots.place", "robots.load"];
+  columns = ["robots.name", "robots.condition", "robots.battery", "robots.order", "robots.lastState", "robots.since", "robots.place", "robots.load"];
   extra = ["since", "place", "load"];
   empty = "robots.empty";
   sortKey = "robotSort";
@@ -99,7 +99,7 @@ class RobotTable extends LiveTable {
       cell("robots.condition", parts.chip, parts.reason, parts.head, parts.marks),
       cell("robots.battery", parts.battery, parts.charging),
       cell("robots.order", parts.order, parts.progress.box),
-      cell("robots.age", parts.age),
+      cell("robots.lastState", parts.age),
       cell("robots.since", parts.since),
       cell("robots.place", parts.place),
       cell("robots.load", parts.load),

@@ -177,7 +177,7 @@ export const TEXTS = {
   "robots.condition": "Zustand",
   "robots.battery": "Akku",
   "robots.order": "Auftrag",
-  "robots.age": "Letzter Status",
+  "robots.lastState": "Letzter Status",
   "robots.since": "Zustand seit",
   "robots.place": "Ort",
   "robots.load": "Lasten",

@@ -177,7 +177,7 @@ export const TEXTS = {
   "robots.condition": "Condition",
   "robots.battery": "Battery",
   "robots.order": "Order",
-  "robots.age": "Last state",
+  "robots.lastState": "Last state",
   "robots.since": "Condition for",
   "robots.place": "Place",
   "robots.load": "Loads",

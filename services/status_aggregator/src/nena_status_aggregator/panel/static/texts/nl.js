@@ -177,7 +177,7 @@ export const TEXTS = {
   "robots.condition": "Toestand",
   "robots.battery": "Accu",
   "robots.order": "Order",
-  "robots.age": "Laatste status",
+  "robots.lastState": "Laatste status",
   "robots.since": "Toestand sinds",
   "robots.place": "Plaats",
   "robots.load": "Ladingen",
