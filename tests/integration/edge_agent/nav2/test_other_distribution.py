@@ -27,10 +27,9 @@ pytestmark = [
 ]
 
 
-@pytest.mark.parametrize("navigation", ["topics", "action"])
-async def test_order_is_driven_by_a_robot_of_another_distribution(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch, navigation: str
-) -> None:
+@pytest.fixture
+def other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the simulator run with the other distribution."""
     for name in FOUND_BY:
         monkeypatch.delenv(name, raising=False)
     programs = Path(OTHER).absolute()
@@ -38,6 +37,11 @@ async def test_order_is_driven_by_a_robot_of_another_distribution(
     found = subprocess.run(asked, check=True, capture_output=True, text=True, timeout=60)
     assert found.stdout.strip() != rclpy.impl.__file__
     monkeypatch.setattr(simulator, "PROGRAMS", programs)
+
+
+@pytest.mark.usefixtures("other")
+@pytest.mark.parametrize("navigation", ["topics", "action"])
+async def test_order_is_driven_by_a_robot_of_another_distribution(bench: Bench, navigation: str) -> None:
     async with bench.robot(ros={"navigation": navigation}) as fleet:
         fleet.send(order("n0", "n1", "n2"))
         done = await fleet.state(ended("o1"))
