@@ -22,6 +22,7 @@ from nena_shared.tasks import end
 from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.state import OperatingMode
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import codec_for
 from support.honest_robot import MAP, HonestRobot
@@ -140,9 +141,11 @@ async def order_of(client: httpx.AsyncClient, name: str = "T") -> Content:
     return found
 
 
-async def create(client: httpx.AsyncClient, goal: str | Content, vehicle: str = "r1") -> None:
+async def create(
+    client: httpx.AsyncClient, goal: str | Content, vehicle: str = "r1", **requests: object
+) -> None:
     destination = {"locationName": goal} if isinstance(goal, str) else {"coordinate": goal}
-    body = {"name": "T", "intendedVehicle": vehicle, "destinations": [destination]}
+    body = {"name": "T", "intendedVehicle": vehicle, "destinations": [destination], **requests}
     assert (await client.post("/v1/transportOrders", json=body)).status_code == 201
 
 
@@ -386,3 +389,24 @@ async def test_a_refused_update_does_not_end_the_transport_order(
         await said(lambda: order_of(client), state="FINISHED")
 
     assert first.robot.accepted == ["T-0"]
+
+
+@pytest.mark.clause("6.6.6/fleet")
+async def test_a_robot_switched_to_manual_names_the_mode_everywhere(fleet: Fleet, service: Start) -> None:
+    client = await start_on(service, fleet, "A", "B", "C", "D")
+    first = OddRobot(fleet, "r1", 0.0, "A")
+
+    def switch(_: Content) -> None:
+        if first.robot.accepted:  # it keeps its order for now, and stands
+            first.robot.mode, first.robot.paused = OperatingMode.MANUAL, True
+
+    first.change = switch
+    async with first.reporting():
+        await said(lambda: vehicle(client, "r1"), "idle")
+        await create(client, "D", onFailure=[])
+        await said(lambda: order_of(client), "MANUAL", state="BEING_PROCESSED")
+        await said(lambda: vehicle(client, "r1"), "MANUAL")
+        first.robot.set_mode(OperatingMode.MANUAL)  # now it drops its order
+
+        await said(lambda: order_of(client), "when it changed to operating mode MANUAL", state="FAILED")
+        await said(lambda: vehicle(client, "r1"), "operating mode MANUAL")
