@@ -362,8 +362,8 @@ def _with_own_speed(vehicle: Vehicle, speed: float) -> Vehicle:
     more = {
         keys.VDA5050_MAP_ID: vehicle.map_id or MAP_ID,
         keys.VDA5050_VERSION: "2.1.0",
-        # a name may have characters that a level of a topic cannot have
-        keys.VDA5050_SERIAL_NUMBER: re.sub(r"[/+#$\s]", "_", vehicle.name),
+        # a name may have characters that topics, or those of some brokers, cannot have
+        keys.VDA5050_SERIAL_NUMBER: re.sub(r"[/+#$.\s]", "_", vehicle.name),
     }
     speed_mm_s = round(speed * MM_PER_M)
     return vehicle.model_copy(update={"properties": {**own, **more}, "max_velocity_mm_s": speed_mm_s})
