@@ -11,6 +11,7 @@ import signal
 import socket
 import subprocess
 import tempfile
+from abc import ABC, abstractmethod
 from contextlib import suppress
 from pathlib import Path
 from typing import ClassVar, Self
@@ -29,7 +30,7 @@ ANSWER_WITHIN = 2.0
 """Timeout of one probe, seconds."""
 
 
-class RealBroker(BrokerAddress):
+class RealBroker(BrokerAddress, ABC):
     """A broker process with its files in a temporary folder; keeps its port and files over :meth:`restart`.
 
     Use it as a context manager. ``more`` is added to its configuration. The test is skipped where the program
@@ -94,11 +95,13 @@ class RealBroker(BrokerAddress):
             pytest.skip(f"{self.package} is not on this machine: apt-get install {self.package}")
         return Path(path)
 
+    @abstractmethod
     def _configure(self, more: str) -> None:
-        raise NotImplementedError
+        """Write the broker's files into its folder."""
 
+    @abstractmethod
     def _command(self) -> tuple[str, ...]:
-        raise NotImplementedError
+        """Return the command that starts it."""
 
     def _environment(self) -> dict[str, str]:
         return {}
