@@ -142,7 +142,7 @@ def _finite(text: str) -> float:
 
 
 _BOOLEANS: Final = MappingProxyType({"true": True, "false": False})
-_TYPES: Final = MappingProxyType(
+_TYPES: Final[Mapping[str, Callable[[str], str | float | bool]]] = MappingProxyType(
     {"float": _finite, "integer": int, "boolean": lambda text: _BOOLEANS[text.lower()], "string": str}
 )
 
