@@ -243,7 +243,7 @@ def test_deviation_of_real_files_is_a_warning_or_strictly_an_error(fault: str) -
 def _spoiled(**changes: Any) -> bytes:
     """Return a file of which these objects have other values; None removes the field, ... makes it null."""
     acting = {"actions": [action("beep", blockingType="SOFT")]}
-    of_node = {"vehicleTypeNodeProperties": [{"vehicleTypeId": "t", "theta": 1.0, **acting}]}
+    of_node: dict[str, Any] = {"vehicleTypeNodeProperties": [{"vehicleTypeId": "t", "theta": 1.0, **acting}]}
     objects: dict[str, dict[str, Any]] = {
         "node": node("A", **of_node),
         "edge": edge("A B", use(orientationType="GLOBAL", maxSpeed=2.0)),

@@ -39,10 +39,10 @@ def parse_stop(text: str) -> Destination:
     if not name or not operation:
         message = f"Invalid stop {text!r}: use NAME, NAME:OPERATION or @X,Y,THETA"
         raise typer.BadParameter(message)
-    done: dict[str, str] = {"operation": operation} if colon else {}
+    place: dict[str, object] = {"location_name": name}
     if name.startswith(COORDINATE):
-        return Destination(coordinate=parse_coordinate(name.removeprefix(COORDINATE)), **done)
-    return Destination(location_name=name, **done)
+        place = {"coordinate": parse_coordinate(name.removeprefix(COORDINATE))}
+    return Destination.model_validate(place | ({"operation": operation} if colon else {}))
 
 
 def parse_coordinate(text: str) -> Coordinate:

@@ -76,7 +76,7 @@ class Positions:
         # The planner returns the same object for a position that has not changed.
         stayed = previous is not None and previous.standing is standing and previous.moving is moving
         box = box_of(vehicle, view.state)
-        stayed = stayed and box.length_mm == box_of(vehicle, previous and previous.state).length_mm
+        stayed = stayed and box.length_mm == box_of(vehicle, previous.state if previous else None).length_mm
         if standing is None or (stayed and name in self._traffic):
             return False
         changed = self._traffic.update_position(name, _to_found(vehicle, standing), box, moving=moving)
