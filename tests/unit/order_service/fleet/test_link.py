@@ -379,6 +379,22 @@ async def test_the_last_will_of_a_robot_that_flooded_its_connection_topic_is_rea
     assert link.statistics.too_many == 11
 
 
+@pytest.mark.parametrize("topic", [Topic.CONNECTION, Topic.FACTSHEET])
+def test_an_empty_message_that_clears_a_retained_one_says_nothing_of_the_robot(topic: Topic) -> None:
+    mqtt, codec = Handlers(), codec_for("2.1.0")
+    link, robot = link_over(mqtt, ManualClock(), FleetSettings()), HonestRobot(key=ROBOT, last_node_id="A")
+
+    def send(topic: Topic, payload: bytes) -> None:
+        mqtt.by_filter[V2.for_all(topic)](Inbound(V2.of(ROBOT, topic), payload, retained=False))
+
+    send(Topic.CONNECTION, codec.encode(robot.connection(ConnectionState.ONLINE)))
+    send(Topic.STATE, codec.encode(robot.state()))
+    before = link.view(ROBOT)
+    send(topic, b"")
+
+    assert (link.view(ROBOT), link.statistics.malformed[topic]) == (before, 0)
+
+
 async def test_waiting_messages_are_read_before_an_order_is_sent_again() -> None:
     """Under load, the robot's answer to an order may wait longer than the order service for it."""
     waiting: list[Inbound] = []

@@ -604,7 +604,8 @@ class FleetLink:
         """
         self._notice_broker()
         robot = scheme.robot_of(inbound.topic)
-        if robot is None:
+        # an empty message clears a retained one, and states are not retained
+        if robot is None or not (inbound.payload or kind is State):
             return None
         if len(str(robot)) > KEY_LENGTH:
             self._note_long_name(robot)
