@@ -13,7 +13,6 @@ from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.records import RECORDED, encoded, parse, parse_members, read_record, record_of
 from nena_shared.vda5050.repair import (
-    BYTE_ORDER_MARK,
     EVERYWHERE,
     POSITIONS,
     Repair,
@@ -206,7 +205,7 @@ class MessageReader:
         if len(payload) > MAXIMUM_PAYLOAD:
             return None
         try:
-            content = parse(payload.removeprefix(BYTE_ORDER_MARK))
+            content = parse(without_mark(payload, {}))
             if not isinstance(content, dict):
                 return None
             content["version"], at = codec.version, datetime.now(UTC)

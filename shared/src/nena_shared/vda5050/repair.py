@@ -214,7 +214,10 @@ _TIME: Final[TypeAdapter[datetime]] = TypeAdapter(Timestamp)
 
 
 def without_mark(payload: bytes, repairs: Repairs) -> bytes:
-    """Return a message without its byte order mark."""
+    """Return a message without its byte order mark, and without the zeros that end a text in C."""
+    if payload.endswith(b"\0"):
+        repairs["message", RepairKind.LEFT_OUT] = "00"
+        payload = payload.rstrip(b"\0")
     if not payload.startswith(BYTE_ORDER_MARK):
         return payload
     repairs["message", RepairKind.BYTE_ORDER_MARK] = "EF BB BF"

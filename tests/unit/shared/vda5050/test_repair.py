@@ -277,6 +277,18 @@ def test_a_byte_order_mark_is_skipped() -> None:
     assert [(each.field, each.kind) for each in repairs] == [("message", "byte_order_mark")]
 
 
+def test_zeros_that_end_a_text_in_c_are_skipped() -> None:
+    payload = json.dumps(STATE).encode() + b"\0\0"
+    repairs: list[Repair] = []
+    reader = MessageReader(lambda _, found: repairs.extend(found))
+
+    for _ in range(2):
+        assert reader.read(State, TOPIC, payload, "v2").header_id == 1
+    assert list(map(str, repairs)) == ["message 00: left out"] * 2
+    with pytest.raises(MalformedMessageError, match="trailing characters"):
+        MessageReader(strict=True).read(State, TOPIC, payload, "v2")
+
+
 @pytest.mark.parametrize(
     ("path", "value"),
     [
