@@ -205,7 +205,8 @@ class MessageReader:
         if len(payload) > MAXIMUM_PAYLOAD:
             return None
         try:
-            content = parse(without_mark(payload, {}))
+            # a text in another encoding, such as Latin-1, does not hide the position
+            content = parse(without_mark(payload, {}).decode(errors="replace").encode())
             if not isinstance(content, dict):
                 return None
             content["version"], at = codec.version, datetime.now(UTC)

@@ -251,6 +251,12 @@ def test_a_state_of_another_version_on_this_topic_says_where_the_robot_is() -> N
     assert sighting(json.dumps(state).encode()).version == "3.0.0"
 
 
+def test_a_text_that_is_not_utf_8_does_not_hide_where_the_robot_is() -> None:
+    state = json.dumps({**STATE, "errors": "Störung"}, ensure_ascii=False).encode("latin-1")
+
+    assert sighting(state).last_node_id == STATE["lastNodeId"]
+
+
 @pytest.mark.parametrize("payload", [b"", b"[]", b"{", b'{"x": 1}', b"7"])
 def test_what_says_nothing_is_no_sighting(payload: bytes) -> None:
     found = MessageReader().sighting("uagv/v2/A/1/state", payload, "v2")
