@@ -16,7 +16,7 @@ from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.message_reader import DEVIATIONS_REMEMBERED, MessageReader
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.repair import Repair, RepairKind
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.state import State, Velocity
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.v2_0 import CODEC as CODEC_2_0
 from nena_shared.vda5050.v2_1 import CODEC as CODEC_2_1
@@ -268,3 +268,15 @@ def test_one_heading_beyond_a_full_turn_makes_all_of_a_robot_degrees() -> None:
     assert seen
     assert seen.mobile_robot_position
     assert abs(seen.mobile_robot_position.theta) == pytest.approx(pi)
+
+
+def test_a_visualization_without_a_header_does_not_deviate() -> None:
+    repairs: list[Repair] = []
+    messages = MessageReader(lambda _, found: repairs.extend(found))
+
+    for _ in range(2):
+        message = messages.read(
+            Visualization, "uagv/v2/ACME/r1/visualization", b'{"velocity": {"vx": 1.0}}', "v2"
+        )
+        assert message.velocity == Velocity(vx=1.0)
+    assert not repairs

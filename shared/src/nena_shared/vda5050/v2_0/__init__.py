@@ -8,10 +8,10 @@ from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.state import State
-from nena_shared.vda5050.v2_0.messages import FactsheetV20, OrderV20, StateV20
+from nena_shared.vda5050.v2_0.messages import FactsheetV20, OrderV20, StateV20, VisualizationV20
 from nena_shared.vda5050.v2_1 import RULES
 from nena_shared.vda5050.v2_1.order import InstantActionsV21
-from nena_shared.vda5050.v2_1.state import ConnectionV21, VisualizationV21
+from nena_shared.vda5050.v2_1.state import ConnectionV21
 from nena_shared.vda5050.visualization import Visualization
 
 CODEC = Codec(
@@ -21,7 +21,7 @@ CODEC = Codec(
         Order: OrderV20,
         InstantActions: InstantActionsV21,
         State: StateV20,
-        Visualization: VisualizationV21,
+        Visualization: VisualizationV20,
         Connection: ConnectionV21,
         Factsheet: FactsheetV20,
     },

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import AliasChoices, Field, PlainSerializer
 
-from nena_shared.vda5050.base import Percent, UInt32, WireObject
+from nena_shared.vda5050.base import Percent, UInt32, Version, WireObject
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.v2_1.factsheet import (
     FactsheetV21,
@@ -18,7 +18,7 @@ from nena_shared.vda5050.v2_1.factsheet import (
 )
 from nena_shared.vda5050.v2_1.order import ActionV21, CorridorV21, EdgeV21, NodeV21, OrderV21
 from nena_shared.vda5050.v2_1.parameter import missing_names
-from nena_shared.vda5050.v2_1.state import ErrorEntryV21, PowerSupplyV21, StateV21
+from nena_shared.vda5050.v2_1.state import ErrorEntryV21, PowerSupplyV21, StateV21, VisualizationV21
 from nena_shared.vda5050.wire_names import Absent
 
 
@@ -67,6 +67,12 @@ class StateV20(StateV21):
             for node in state.node_states
         )
         return super().from_neutral(state.model_copy(update={"node_states": nodes}))
+
+
+class VisualizationV20(VisualizationV21):
+    """Position and velocity (2.0 section 6.12); the header may be missing."""
+
+    version: Version = "2.0.0"
 
 
 class PhysicalParametersV20(PhysicalParametersV21):

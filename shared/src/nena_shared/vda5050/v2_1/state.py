@@ -248,7 +248,7 @@ class VisualizationV21(Visualization):
 
     header_id: UInt32 = 0
     timestamp: TimestampOrNow
-    version: Version = "2.0.0"
+    version: Version = "2.1.0"
     manufacturer: Identifier = ""
     serial_number: Identifier = ""
     # since 3.0, which requires it

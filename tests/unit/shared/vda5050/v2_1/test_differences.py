@@ -397,7 +397,7 @@ def test_visualization_may_come_without_a_header() -> None:
 
     message = read(Visualization, {"velocity": {"vx": 1.0}})
 
-    assert (message.header_id, message.version, message.manufacturer) == (0, "2.0.0", "")
+    assert (message.header_id, message.version, message.manufacturer) == (0, "2.1.0", "")
     assert before <= message.timestamp <= datetime.now(UTC)
     assert message.velocity.vx == 1.0
 
