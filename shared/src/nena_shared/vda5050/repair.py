@@ -56,6 +56,7 @@ from nena_shared.vda5050.state import (
     SafetyState,
     State,
 )
+from nena_shared.vda5050.visualization import Visualization
 
 BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 
@@ -169,6 +170,7 @@ SAFEST: Final[Mapping[tuple[type[WireObject], str], object]] = {
     (PowerSupply, "charging"): False,
     (MobileRobotPosition, "localized"): False,
     (MobileRobotPosition, "map_id"): "",
+    (Visualization, "reference_state_header_id"): 0,
     # nothing, 0 and empty texts of a factsheet count as unknown
     **{
         (form, field.name): {} if issubclass(field.shape.kind, WireObject) else field.shape.kind()

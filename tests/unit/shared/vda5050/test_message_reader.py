@@ -280,3 +280,16 @@ def test_a_visualization_without_a_header_does_not_deviate() -> None:
         )
         assert message.velocity == Velocity(vx=1.0)
     assert not repairs
+
+
+def test_a_visualization_that_names_no_state_shows_where_the_robot_is() -> None:
+    repairs: list[Repair] = []
+    content = content_of(Visualization, "3.0.0")
+    del content["referenceStateHeaderId"]
+
+    message = MessageReader(lambda _, found: repairs.extend(found)).read(
+        Visualization, "vda5050/v3/ACME/r1/visualization", json.dumps(content).encode(), "v3"
+    )
+
+    assert message.mobile_robot_position
+    assert [str(each) for each in repairs] == ["referenceStateHeaderId missing: replaced"]
