@@ -43,7 +43,7 @@ from nena_shared.vda5050.factsheet import (
     TypeSpecification,
 )
 from nena_shared.vda5050.malformed import quoted
-from nena_shared.vda5050.order import Trajectory
+from nena_shared.vda5050.order import Edge, NodePosition, Trajectory
 from nena_shared.vda5050.shape import Field, Shape, fields_of
 from nena_shared.vda5050.state import (
     EdgeState,
@@ -205,6 +205,12 @@ _NEVER_EMPTIED: Final = {(State, "node_states")}
 
 _NEVER_DROPPED: Final = (NodeState, EdgeState, ActionState, ErrorEntry, Load, ActionParameterDescription)
 """List elements that are never omitted, as that would change the meaning of the list."""
+
+_SENT_AS: Final = {
+    (NodePosition, "allowed_deviation_xy"): Shape(float, least=0.0),
+    (Edge, "reach_orientation_before_entering"): Shape(bool),
+}
+"""Fields that 2.x reads by code of its own, as it sends them."""
 
 _PERCENT: Final = 100.0
 _TOLERANCE: Final = 50.0
@@ -428,11 +434,14 @@ class _FieldRepair:
         optional = report and not field.required and not issubclass(form, Trajectory)
         safest = next((SAFEST[key] for key in keys if key in SAFEST), None) if report else None
         missing = next((_MISSING_IN_COMMANDS[key] for key in keys if key in _MISSING_IN_COMMANDS), None)
+        sent_as = next((_SENT_AS[key] for key in keys if key in _SENT_AS), None)
         emptied = report or bool(at) or field.name == "edges"  # an order may have a single node
         return cls(
             field=field,
             path=path,
-            fix=_fix_of(field.shape, path, scope, only),
+            fix=_scalar_of_a_version(_fix_of(sent_as, path, scope, only))
+            if sent_as and field.shape.kind is object
+            else _fix_of(field.shape, path, scope, only),
             plain=field.shape.kind if field.shape.kind is bool else None,
             empty=field.shape.kind is tuple and field.required and not nowhere and emptied,
             optional=optional,
@@ -508,6 +517,11 @@ def _fix_of(shape: Shape, at: str, scope: Scope, only: frozenset[str]) -> _Fix:
 
 def _keep_value(value: Any, _found: Repairs) -> Any:  # noqa: ANN401 - JSON
     return value
+
+
+def _scalar_of_a_version(fix: _Fix) -> _Fix:
+    """Return a fix of texts and numbers; whatever else is read by the version's own code."""
+    return lambda value, repairs: fix(value, repairs) if isinstance(value, str | int | float) else value
 
 
 def _time_of(at: str) -> _Fix:

@@ -114,6 +114,13 @@ CERTAIN: dict[str, tuple[dict[str, Any], list[str]]] = {
         {"nodes.1.nodePosition.x": "5", "nodes.1.sequenceId": "2", "orderUpdateId": "0"},
         ['orderUpdateId "0": text as number', 'nodes.sequenceId "2": text as number'],
     ),
+    "numbers and booleans as text that 2.x has in another form": (
+        {"nodes.1.nodePosition.allowedDeviationXY": "0.3", "edges.0.rotationAllowed": "False"},
+        [
+            'nodes.nodePosition.allowedDeviationXY "0.3": text as number',
+            'edges.rotationAllowed "False": text as boolean',
+        ],
+    ),
     "words in small letters": (
         {"edges.0.orientation": 0.0, "edges.0.orientationType": "tangential"},
         ['edges.orientationType "tangential": letter case'],
