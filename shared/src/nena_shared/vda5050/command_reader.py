@@ -94,10 +94,22 @@ def _repaired_command(
         for node in nodes if isinstance(nodes, list) and only_map else ():
             if isinstance(node, dict) and isinstance(node.get("nodePosition"), dict):
                 _complete(node["nodePosition"], "mapId", only_map, repairs, at="nodes.nodePosition.")
+        _complete_edges(content, repairs)
         repair(form, content, repairs, version=codec.version, now=now, scope=Scope.COMMAND)
     except (ArithmeticError, ValueError, RecursionError):
         return None, repairs
     return (written(content) if repairs else None), repairs
+
+
+def _complete_edges(content: dict[str, Any], repairs: Repairs) -> None:
+    """Set missing ends of edges: each is between the nodes at its place in the order (section 6.1.1)."""
+    nodes, edges = content.get("nodes"), content.get("edges")
+    if not (isinstance(nodes, list) and isinstance(edges, list) and len(edges) == len(nodes) - 1):
+        return
+    for edge, *ends in zip(edges, nodes, nodes[1:], strict=False):
+        for name, node in zip(("startNodeId", "endNodeId"), ends, strict=True):
+            if isinstance(edge, dict) and isinstance(node, dict) and isinstance(node.get("nodeId"), str):
+                _complete(edge, name, node["nodeId"], repairs, at="edges.")
 
 
 def _complete(content: dict[str, Any], name: str, meant: str, repairs: Repairs, at: str = "") -> None:

@@ -110,6 +110,10 @@ CERTAIN: dict[str, tuple[dict[str, Any], list[str]]] = {
     "mapId empty": ({"nodes.1.nodePosition.mapId": ""}, ['nodes.nodePosition.mapId "": replaced']),
     "mapId null": ({"nodes.1.nodePosition.mapId": None}, ["nodes.nodePosition.mapId null: replaced"]),
     "one node, no edges": ({"nodes.1": MISSING, "edges": MISSING}, ["edges missing: empty list"]),
+    "an edge without its nodes": (
+        {"edges.0.startNodeId": MISSING, "edges.0.endNodeId": ""},
+        ["edges.startNodeId missing: replaced", 'edges.endNodeId "": replaced'],
+    ),
     "numbers as text": (
         {"nodes.1.nodePosition.x": "5", "nodes.1.sequenceId": "2", "orderUpdateId": "0"},
         ['orderUpdateId "0": text as number', 'nodes.sequenceId "2": text as number'],
