@@ -22,8 +22,8 @@ from support.plants import opentcs_xml, path, plant
 SAMPLE = str(sample_plant_path())
 
 
-def nena(*arguments: str, stdin: bytes | None = None) -> Result:
-    return CliRunner().invoke(app, ["plant", *arguments], input=stdin, env={"COLUMNS": "200"})
+def nena(*arguments: str, stdin: bytes | None = None, columns: int = 200) -> Result:
+    return CliRunner().invoke(app, ["plant", *arguments], input=stdin, env={"COLUMNS": str(columns)})
 
 
 def codes(found: dict[str, Any]) -> list[str]:
@@ -53,6 +53,14 @@ def test_check_lists_all_errors_and_exits_with_1(tmp_path: Path) -> None:
     assert "BAD_VALUE" in done.stdout
     assert "block '[b]K[/b]'" in done.stdout
     assert "2 errors, 0 warnings" in done.stderr
+
+
+def test_check_shows_the_whole_key_of_a_property(tmp_path: Path) -> None:
+    file, key = tmp_path / "plant.xml", "vda5050:destinationAction.Load.parameter.stationType"
+    file.write_bytes(opentcs_xml(f'<property name="{key}" value="floor"/>'))
+    shown = nena("check", str(file), columns=80).stdout
+    rows = [line.split("│")[-2] for line in shown.splitlines() if line.count("│") == 5]
+    assert key in "".join(row.strip() for row in rows)
 
 
 @pytest.mark.parametrize(

@@ -192,6 +192,8 @@ def show_contents(file: PlantFile, console: Console) -> None:
 def show_findings(findings: Iterable[Finding], console: Console) -> None:
     """Print a table of findings. Names and texts are from the file, so markup in them is not interpreted."""
     table = Table("severity", "code", "object", "finding", title="Findings", title_justify="left")
+    for column in table.columns:
+        column.overflow = "fold"  # a key of a property that is cut could not be found in the file
     for finding in findings:
         severity, problem = _severity(finding), finding.problem
         where = f"{problem.kind} {problem.name!r}" if problem.name else str(problem.kind)
