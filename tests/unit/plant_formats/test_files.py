@@ -86,6 +86,7 @@ OTHERS: dict[str, bytes] = {
     "JSON lines": b"\n".join([json.dumps(RECORDED).encode()] * 2),
     "'version', 'scripts'": b'{"name": "x", "version": "1", "scripts": {}}',
     "JSON without an object": b"[1, 2]",
+    "JSON without any fields": b"{}",
     "map_server": b"image: hall.pgm\nmode: trinary\nresolution: 0.05\norigin: [0, 0, 0]\n",
     "map_server (YAML)": b"# hall\n\nresolution: 0.05\r\norigin: [0, 0, 0]\r\nimage: hall.pgm\r\n",
     "of Open-RMF (YAML)": b"coordinate_system: reference_image\nlevels:\n  L1:\n    vertices: []\n",

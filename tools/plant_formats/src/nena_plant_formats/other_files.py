@@ -57,8 +57,8 @@ def name_of(data: bytes, content: Any, known: Collection[str]) -> str | None:  #
         head, flags = data[:_HEAD], re.DOTALL | re.MULTILINE
         return next((text for start, text in _BY_TEXT if re.match(start, head, flags)), None)
     first = content[0] if isinstance(content, list) and content else content
-    if not isinstance(first, dict):
-        return f"JSON without an object; {_REDRAW}"
+    if not isinstance(first, dict) or not first:
+        return f"JSON without {'any fields' if isinstance(first, dict) else 'an object'}; {_REDRAW}"
     for fields, text in _BY_FIELDS:
         if fields <= first.keys():
             return text
