@@ -84,6 +84,10 @@ OWN_ACTION = (
     '<property name="vda5050:destinationAction.Load cargo.parameter.height" value="integer:2"/>'
     '<property name="vda5050:destinationAction.Load cargo.blockingType" value="HARD"/>'
 )
+HEADINGS = (
+    '<property name="vda5050:orientation.forward" value="180"/>'
+    '<property name="vda5050:rotationAllowed.forward" value="false"/>'
+)
 
 PLANTS = {
     "LOAD and UNLOAD": written(LINE, {"Machine": "LOAD,UNLOAD"}, M),
@@ -92,6 +96,9 @@ PLANTS = {
     "the operations of openTCS's demo": written(LOOP, {"Machine": "Load cargo,Unload cargo"}, M),
     "own actions of the driver": written(
         LOOP, {"Machine": "Load cargo,Unload cargo"}, M, properties=OWN_ACTION
+    ),
+    "headings of the driver": written(LOOP, {"Machine": "LOAD,UNLOAD"}, M).replace(
+        'locked="false"/>', f'locked="false">{HEADINGS}</path>'
     ),
     "one way around": written(RING, {"Machine": "LOAD,UNLOAD"}, M),
     "other operations only": written(LOOP, {"Machine": "v-operation"}, M),

@@ -189,6 +189,8 @@ class SimulatedRobot:
             interval=IntervalSettings(visualization=0.0),
             loopback=LoopbackSettings(drain=0.0, pose_interval=POSE_SECONDS),
             operations=operations,
+            # openTCS's properties send them to every robot.
+            tolerated_parameters=("edges.orientation", "edges.reachOrientationBeforeEntering"),
         )
         self._broker = broker
 
