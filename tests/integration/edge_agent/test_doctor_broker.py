@@ -82,6 +82,8 @@ async def test_server_that_is_not_a_broker(monkeypatch: pytest.MonkeyPatch) -> N
         view = await examine_broker(settings_for(MqttSettings(port=port)))
 
     assert verdicts(view) == {Link.BROKER: OK, Link.LOGIN: MISSING, Link.ACCESS: UNKNOWN}
+    assert "does not answer as a broker of MQTT does" in first_missing(view).text
+    assert "mqtt.port" in first_missing(view).remedy
 
 
 async def test_link_that_ignores_its_end_is_ended_again(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -42,10 +42,11 @@ CLOSED = "the broker closed the connection"
 CLOSED_AT_ONCE = "the broker closed the connection right after it accepted it"
 CLOSED_UNANSWERED = "the connection ended before the broker answered a subscription"
 NOT_ACCEPTED = (
-    "before it accepted the connection; check whether it expects TLS on this port or a different "
-    "certificate (mqtt.tls)"
+    "before it accepted the connection; check whether this port is one for MQTT, and whether it expects TLS "
+    "or a different certificate (mqtt.tls)"
 )
 NO_ANSWER = "the broker did not answer in time"
+NO_MQTT = f"{NO_ANSWER}; check whether this port is one for MQTT"
 NOT_CONNECTED = "not connected"
 NOT_PERMITTED = "the program may no longer publish"
 
@@ -165,7 +166,7 @@ class Client:
             # also after a cancellation: the thread goes on, and its socket would stay open
             connecting.add_done_callback(self._close_late_socket)
             if isinstance(error, TimeoutError):
-                raise MqttError(NO_ANSWER) from None
+                raise MqttError(NO_MQTT) from None
             raise
         if self._ended.done():
             raise MqttError(CLOSED_AT_ONCE)

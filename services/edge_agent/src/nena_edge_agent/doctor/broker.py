@@ -21,6 +21,7 @@ from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.mqtt import Inbound, LinkHooks, MqttLink
+from nena_shared.mqtt.client import NO_MQTT, NOT_ACCEPTED
 from nena_shared.mqtt.identity import tls_context
 from nena_shared.settings import MqttSettings
 from nena_shared.tasks import end
@@ -30,6 +31,8 @@ from nena_shared.vda5050.visualization import Visualization
 
 ANSWER_WITHIN = 5.0
 """Timeout for each answer of the broker, seconds."""
+
+_LATE = "no answer within {:g} s"
 
 RETAINED_WITHIN = 1.0
 """Timeout for retained messages, seconds; much longer than they usually take."""
@@ -65,10 +68,14 @@ async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
     async with probe.connected() as problem:
         if problem:
             who = f"user '{mqtt.username}'" if mqtt.username else "an anonymous client"
+            text = f"the broker rejected {who}: {problem}"
             remedy = "check mqtt.username and mqtt.password_file, and the users of the broker"
+            if problem == _LATE.format(ANSWER_WITHIN) or problem.endswith((NO_MQTT, NOT_ACCEPTED)):
+                text = f"{place} does not answer as a broker of MQTT does: {problem}"
+                remedy = "check that mqtt.port is the broker's port for MQTT"
             if mqtt.tls.wanted:
                 remedy += "; for an untrusted certificate, mqtt.tls.ca, mqtt.tls.certificate and both clocks"
-            rejected = missing(Link.LOGIN, f"the broker rejected {who}: {problem}", remedy)
+            rejected = missing(Link.LOGIN, text, remedy)
             return BrokerView([reached, rejected, *unknown([Link.ACCESS], "needs the login")])
         let_in = ok(Link.LOGIN, f"logged in {login_identity(mqtt)}")
         plant_maps = await probe.plant_maps()
@@ -83,7 +90,7 @@ async def _try_connection(mqtt: MqttSettings) -> str:
         async with asyncio.timeout(ANSWER_WITHIN):
             _, writer = await asyncio.open_connection(mqtt.host, mqtt.port)
     except TimeoutError:
-        return f"no answer within {ANSWER_WITHIN:g} s"
+        return _LATE.format(ANSWER_WITHIN)
     except socket.gaierror:
         return "the name does not resolve"
     except OSError as error:
@@ -128,7 +135,7 @@ class _BrokerProbe:
                 if self._answered.is_set() or self._link.state.last_error:
                     break
                 await asyncio.sleep(0.02)
-            late = f"no answer within {ANSWER_WITHIN:g} s"
+            late = _LATE.format(ANSWER_WITHIN)
             yield "" if self._answered.is_set() else self._link.state.last_error or late
         finally:
             await end(work)
