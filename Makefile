@@ -32,7 +32,7 @@ endef
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup action-types wheels check-wheels lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses soak-nemesis oidc-test docs compose-test colcon-test kilted-test nav2-test smoke demo bench conversations hooks clean broker brokers browser monitoring alerts-test sbom fuzz faults conformance reference
+.PHONY: help setup action-types wheels check-wheels lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses soak-nemesis oidc-test docs compose-test colcon-test kilted-test nav2-test smoke demo bench conversations hooks clean broker brokers brokers-more brokers-test browser monitoring alerts-test sbom fuzz faults conformance reference
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -171,6 +171,12 @@ peers-test: $(STAMP) broker ## the edge agent and the order service with npm's v
 	cd $(VENV)/vda-5050-lib && npm ci --ignore-scripts --no-audit --no-fund
 	NENA_VDA_5050_LIB=$(abspath $(VENV))/vda-5050-lib $(BIN)/pytest tests/integration/peers
 
+# BROKER=host:port or user:password@host:port: a broker of yours instead, which is not restarted.
+BROKER ?=
+brokers-test: $(STAMP) broker brokers ## run orders, restarts and cut links on each MQTT broker that is installed, or on BROKER=host:port; writes docs/brokers.md
+	@NENA_BROKER='$(BROKER)' $(BIN)/pytest --long $(or $(TESTS),tests/brokers)
+	PYTHONPATH=tests $(BIN)/python -m brokers.table
+
 # At a site: NAV2="--domain 7 --namespace r1 --start 0,0 --end 4,0 --kill '...' --revive '...'".
 NAV2 ?= --simulator
 nav2-test: $(STAMP) action-types broker ## test the edge agent with a running Nav2 (NAV2="--domain 7 ..."); writes build/nav2-test.md
@@ -217,6 +223,13 @@ broker:
 # Debian starts these as services where it can. The tests do not use these, but start their own.
 brokers:
 	@PATH=$$PATH:/usr/sbin; { command -v rabbitmq-server && command -v nats-server; } >/dev/null || $(call install,rabbitmq-server nats-server)
+
+# Aedes from npm; needs Node.js 20.
+brokers-more: ## install the other brokers that brokers-test knows: ejabberd, ActiveMQ, Aedes
+	@{ command -v ejabberdctl && [ -e /usr/share/activemq/bin/activemq.jar ] && [ -e /usr/share/java/mqtt-client.jar ]; } >/dev/null || \
+		$(call install,ejabberd activemq libmqtt-client-java)
+	mkdir -p $(VENV)/aedes
+	cd $(VENV)/aedes && npm install --ignore-scripts --no-audit --no-fund --no-package-lock aedes@1.2.0
 
 monitoring:
 	@{ command -v promtool && command -v prometheus-alertmanager; } >/dev/null || $(call install,prometheus prometheus-alertmanager)

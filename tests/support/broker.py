@@ -22,6 +22,7 @@ from typing import Any, Self
 import pytest
 from paho.mqtt.client import Client, MQTTMessage, topic_matches_sub
 from paho.mqtt.enums import CallbackAPIVersion
+from pydantic import SecretStr
 
 from nena_shared.mqtt import Inbound
 from nena_shared.settings import MqttSettings
@@ -70,6 +71,8 @@ class BrokerAddress:
     """Address of a broker."""
 
     host = "127.0.0.1"
+    username: str | None = None
+    password: str | None = None
 
     def __init__(self, port: int | None = None) -> None:
         self.port = port or free_port()
@@ -77,7 +80,20 @@ class BrokerAddress:
     @property
     def settings(self) -> MqttSettings:
         """Settings of a link to this broker, with quick reconnects."""
-        return MqttSettings(host=self.host, port=self.port, reconnect_min=0.02, reconnect_max=0.1)
+        return MqttSettings(
+            host=self.host,
+            port=self.port,
+            username=self.username,
+            password=SecretStr(self.password) if self.password else None,
+            reconnect_min=0.02,
+            reconnect_max=0.1,
+        )
+
+    @property
+    def options(self) -> list[str]:
+        """Options of a program that connects to this broker."""
+        named = {"host": self.host, "port": self.port, "username": self.username, "password": self.password}
+        return [f"--mqtt.{name}={value}" for name, value in named.items() if value is not None]
 
 
 class Broker(BrokerAddress):
@@ -220,6 +236,7 @@ class MqttPeer:
         self._client.on_connect = self._subscribe
         self._client.on_subscribe = lambda *_: self._subscribed.set()
         self._client.on_message = self._record
+        self._client.username_pw_set(broker.username, broker.password)
         self._client.connect(broker.host, broker.port, keepalive=30)
 
     def __enter__(self) -> Self:

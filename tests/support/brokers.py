@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import getpass
 import hashlib
 import json
 import os
@@ -22,8 +23,6 @@ from support.broker import BrokerAddress, free_port
 from support.waiting import PATIENCE, STARTUP, wait_until
 
 PATH = f"{os.environ.get('PATH', '')}:/usr/sbin:/usr/local/sbin"
-CONNECT = b"\x10\x11\x00\x04MQTT\x04\x02\x00\x0a\x00\x05probe"
-"""A CONNECT packet of MQTT 3.1.1 of a client `probe`."""
 ACCEPTED = b"\x20\x02\x00\x00"
 """CONNACK, accepted."""
 ANSWER_WITHIN = 2.0
@@ -57,6 +56,12 @@ class RealBroker(BrokerAddress, ABC):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    @property
+    def version(self) -> str:
+        """Version of the package."""
+        query = ["dpkg-query", "--show", "--showformat=${Version}", self.package]
+        return subprocess.run(query, capture_output=True, text=True, check=False).stdout or "unknown"
 
     @property
     def log(self) -> str:
@@ -134,14 +139,41 @@ class RealBroker(BrokerAddress, ABC):
         assert self._process.poll() is None, f"{self.package} has ended:\n{self.log}"
         try:
             with socket.create_connection((self.host, self.port), timeout=ANSWER_WITHIN) as probe:
-                probe.sendall(CONNECT)
+                probe.sendall(self._connect_packet())
                 return probe.recv(len(ACCEPTED)) == ACCEPTED
         except OSError:
             return False
 
+    def _connect_packet(self) -> bytes:
+        """Return a CONNECT packet of MQTT 3.1.1 of a client `probe`."""
+        login = [each.encode() for each in (self.username, self.password) if each]
+        flags = b"\xc2" if login else b"\x02"
+        head = b"\x00\x04MQTT\x04" + flags + b"\x00\x0a"
+        body = head + b"".join(len(each).to_bytes(2) + each for each in (b"probe", *login))
+        return b"\x10" + bytes([len(body)]) + body
+
     def _listens(self, port: int) -> bool:
         with socket.socket() as probe:
             return probe.connect_ex((self.host, port)) == 0
+
+
+class Mosquitto(RealBroker):
+    """A Mosquitto that keeps retained messages and sessions over a restart, as Debian's does."""
+
+    package = "mosquitto"
+
+    def _configure(self, more: str) -> None:
+        (self._folder / "mosquitto.conf").write_text(f"""\
+listener {self.port} 127.0.0.1
+allow_anonymous true
+user {getpass.getuser()}
+persistence true
+persistence_location {self._folder}/
+{more}
+""")
+
+    def _command(self) -> tuple[str, ...]:
+        return str(self._program), "-c", str(self._folder / "mosquitto.conf")
 
 
 class Nats(RealBroker):
@@ -197,10 +229,8 @@ DEFINITIONS = {
 """The access list of anonymous clients, who are the user `guest`."""
 
 
-class RabbitMq(RealBroker):
-    """A RabbitMQ with the plugin rabbitmq_mqtt and an Erlang port mapper of its own."""
-
-    package = "rabbitmq-server"
+class ErlangBroker(RealBroker):
+    """A broker in Erlang, with a port mapper of its own."""
 
     def __init__(self, *, more: str = "") -> None:
         self._mapper: subprocess.Popen[bytes] | None = None
@@ -220,6 +250,15 @@ class RabbitMq(RealBroker):
             self._mapper.kill()
             self._mapper.wait(PATIENCE)
         super().close()
+
+    def _environment(self) -> dict[str, str]:
+        return {"ERL_EPMD_PORT": str(self._mapper_port), "ERL_EPMD_ADDRESS": "127.0.0.1"}
+
+
+class RabbitMq(ErlangBroker):
+    """A RabbitMQ with the plugin rabbitmq_mqtt."""
+
+    package = "rabbitmq-server"
 
     def _installed(self) -> Path:
         super()._installed()
@@ -246,9 +285,7 @@ load_definitions = {self._folder}/definitions.json
         return (str(self._program),)
 
     def _environment(self) -> dict[str, str]:
-        return {
-            "ERL_EPMD_PORT": str(self._mapper_port),
-            "ERL_EPMD_ADDRESS": "127.0.0.1",
+        return super()._environment() | {
             "RABBITMQ_NODENAME": f"nena-test-{self.port}@localhost",
             "RABBITMQ_DIST_PORT": str(free_port()),
             "RABBITMQ_BASE": str(self._folder),
@@ -263,3 +300,116 @@ load_definitions = {self._folder}/definitions.json
             "RABBITMQ_SERVER_ADDITIONAL_ERL_ARGS": "+S 2:2 +sbwt none "
             "-kernel inet_dist_use_interface {127,0,0,1}",
         }
+
+
+class Ejabberd(ErlangBroker):
+    """An ejabberd with mod_mqtt, which admits registered users only."""
+
+    package = "ejabberd"
+    username = "nena@localhost"
+    password = "nena"
+
+    def _installed(self) -> Path:
+        found = sorted(Path("/usr/lib").glob("*/ejabberd-*/ebin/ejabberd.app"))
+        if not found:
+            pytest.skip("ejabberd is not on this machine: apt-get install ejabberd")
+        return found[-1].parents[2]
+
+    def _configure(self, more: str) -> None:
+        (self._folder / "ejabberd.yml").write_text(f"""\
+hosts: [localhost]
+loglevel: warning
+auth_method: internal
+listen:
+  - {{port: {self.port}, ip: "127.0.0.1", module: mod_mqtt}}
+modules:
+  mod_mqtt: {{}}
+{more}
+""")
+
+    def _command(self) -> tuple[str, ...]:
+        # Not ejabberdctl, which changes to the user ejabberd.
+        register = 'ejabberd_auth:try_register(<<"nena">>, <<"localhost">>, <<"nena">>)'
+        begin = f"{{ok, _}} = application:ensure_all_started(ejabberd), {register}."
+        kernel = ("-kernel", "inet_dist_use_interface", "{127,0,0,1}")
+        idle = ("+S", "2:2", "+sbwt", "none")
+        name = ("-sname", f"nena-test-{self.port}@localhost")
+        store = ("-mnesia", "dir", f'"{self._folder}/db"')
+        return ("erl", *name, "-noinput", *idle, *kernel, *store, "-eval", begin)
+
+    def _environment(self) -> dict[str, str]:
+        return super()._environment() | {
+            "ERL_LIBS": str(self._program),
+            "EJABBERD_CONFIG_PATH": str(self._folder / "ejabberd.yml"),
+            "EJABBERD_LOG_PATH": str(self._folder / "ejabberd.log"),
+        }
+
+
+CODEC = Path("/usr/share/java/mqtt-client.jar")
+SPRING = "http://www.springframework.org/schema/beans"
+ACTIVEMQ = "http://activemq.apache.org/schema/core"
+
+
+class ActiveMq(RealBroker):
+    """An ActiveMQ Classic with the MQTT codec that Debian has in a package of its own."""
+
+    package = "activemq"
+
+    def _installed(self) -> Path:
+        program = Path("/usr/share/activemq/bin/activemq.jar")
+        if not (program.exists() and CODEC.exists()):
+            pytest.skip(
+                "ActiveMQ with MQTT is not on this machine: apt-get install activemq libmqtt-client-java"
+            )
+        return program
+
+    def _configure(self, more: str) -> None:
+        (self._folder / "codec").mkdir()
+        (self._folder / "codec" / CODEC.name).symlink_to(CODEC)
+        (self._folder / "activemq.xml").write_text(f"""\
+<beans xmlns="{SPRING}" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"
+    xsi:schemaLocation="{SPRING} {SPRING}/spring-beans.xsd {ACTIVEMQ} {ACTIVEMQ}/activemq-core.xsd">
+  <broker xmlns="{ACTIVEMQ}" brokerName="nena-test-{self.port}" useJmx="false">
+    <persistenceAdapter><kahaDB directory="{self._folder}/kahadb"/></persistenceAdapter>
+    <transportConnectors>
+      <transportConnector name="mqtt" uri="mqtt://127.0.0.1:{self.port}"/>
+    </transportConnectors>
+    {more}
+  </broker>
+</beans>
+""")
+
+    def _command(self) -> tuple[str, ...]:
+        folders = {"home": "/usr/share/activemq", "base": self._folder, "data": self._folder / "data"}
+        options = [f"-Dactivemq.{name}={folder}" for name, folder in folders.items()]
+        begin = ("start", "--extdir", f"{self._folder}/codec", f"xbean:file:{self._folder}/activemq.xml")
+        return ("java", "-Xmx256M", *options, "-jar", str(self._program), *begin)
+
+
+class Aedes(RealBroker):
+    """An Aedes of npm, which keeps all in memory; ``make brokers-more`` installs it."""
+
+    package = "aedes"
+
+    @property
+    def version(self) -> str:
+        """Version of the package."""
+        return str(json.loads((self._program / "aedes" / "package.json").read_text())["version"])
+
+    def _installed(self) -> Path:
+        modules = Path(".venv/aedes/node_modules").absolute()
+        if not (modules / "aedes").exists() or not shutil.which("node"):
+            pytest.skip("Aedes is not on this machine: make brokers-more")
+        return modules
+
+    def _configure(self, more: str) -> None:
+        (self._folder / "node_modules").symlink_to(self._program)
+        (self._folder / "server.mjs").write_text(f"""\
+import {{ createServer }} from "node:net";
+import {{ Aedes }} from "aedes";
+const aedes = await Aedes.createBroker({{ {more} }});
+createServer(aedes.handle).listen({self.port}, "127.0.0.1");
+""")
+
+    def _command(self) -> tuple[str, ...]:
+        return "node", "server.mjs"

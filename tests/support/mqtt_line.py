@@ -14,7 +14,7 @@ from enum import StrEnum
 from random import Random
 
 from nena_shared.tasks import end
-from support.broker import BrokerAddress, free_port
+from support.broker import BrokerAddress
 from support.pausing import time_passes
 from support.waiting import PATIENCE
 
@@ -52,7 +52,8 @@ class MqttLine(BrokerAddress):
     """Listens on a separate port, and connects to the broker for each client."""
 
     def __init__(self, broker: BrokerAddress, seed: int) -> None:
-        self.port = free_port()
+        super().__init__()
+        self.username, self.password = broker.username, broker.password
         self.conduct = Conduct()
         self.messages = 0
         """Packets received from the broker."""

@@ -99,7 +99,7 @@ class Fleet:
         return [
             *("--plant", sample_plant_path()),
             *("--store.url", self.store_url),
-            *("--mqtt.port", self.broker.port),
+            *self.broker.options,
             *("--mqtt.reconnect_max", 0.2),
             *("--interface_name", self.interface),
             *("--interface_name_v3", self.interface),
@@ -146,11 +146,12 @@ class Fleet:
             **{**AT_SOUTH_1, **options},
         )
 
-    def agent_of(self, content: str, serial: str = "robot-01") -> Program:
-        """Start a robot with these settings, in TOML."""
+    def agent_of(self, content: str, serial: str = "robot-01", *options: str) -> Program:
+        """Start a robot with these settings, in TOML, and options."""
         file = self.folder / f"{serial}.toml"
         file.write_text(content)
-        agent = Program("nena-edge-agent", "--config", file, log=self.folder / f"{serial}.log")
+        options = (*self.broker.options, *options)
+        agent = Program("nena-edge-agent", "--config", file, *options, log=self.folder / f"{serial}.log")
         return self.stack.enter_context(agent)
 
     def order_service(
