@@ -27,7 +27,7 @@ from support.aggregator_process import AggregatorProcess
 from support.broker import BrokerAddress
 from support.brokers import ActiveMq, Aedes, Ejabberd, Mosquitto, Nats, RabbitMq, RealBroker
 from support.mqtt_line import Way, mqtt_line
-from support.order_service_fleet import Fleet, RobotOptions, order_in
+from support.order_service_fleet import Fleet, RobotOptions, order_in, vehicle_idle
 from support.pausing import time_passes
 from support.programs import Program
 from support.waiting import awaited
@@ -302,6 +302,7 @@ async def test_names_with_dots_work_or_are_told(fleet: Fleet, figures: Figures) 
             problems = (await client.get("/readyz")).json()["problems"]
             return "does not work; `/readyz` says so" if LACKS[BrokerLack.NAMES] in problems else ""
 
+        await vehicle_idle(client)
         await create(client, "WMS-2.1", intendedVehicle="Robot-01")
         with figures.timed("names of orders"):
             await finished(client, "WMS-2.1")

@@ -37,8 +37,10 @@ NOT_HERE = {
 }
 """Optional fields of 2.x that say nothing which 3.0 still says."""
 
-NOT_OF_THE_STANDARD = {".nenaEpoch"}
-"""Orders and instant actions name the epoch of their order service; other robots ignore it."""
+NOT_OF_THE_STANDARD = {".nenaEpoch", ".edges[].turnsAsPlanned"}
+"""Orders and instant actions name the epoch of their order service; other robots ignore it.
+
+How an edge is turned on is only stored, and removed before the order is sent."""
 ONLY_IN_THE_TEXT = {
     ".actions[].retriable",
     ".physicalParameters.angularSpeedMax",

@@ -26,15 +26,15 @@ REASON_LIMIT: Final = 500
 OPERATIONS: Final[Mapping[str, table.Operation[Any]]] = {
     "POST /v1/transportOrders/{name}": table.CREATE_ORDER,
     "POST /v1/transportOrders/{name}/withdrawal": table.WITHDRAW,
-    "POST /v1/vehicles/{name:path}/withdrawal": table.WITHDRAW,
+    "POST /v1/vehicles/{name}/withdrawal": table.WITHDRAW,
     "POST /v1/orderSequences/{name}": table.CREATE_SEQUENCE,
     "PUT /v1/orderSequences/{name}/complete": table.COMPLETE_SEQUENCE,
-    "PUT /v1/vehicles/{name:path}/integrationLevel": table.INTEGRATION_LEVEL,
-    "PUT /v1/vehicles/{name:path}/acceptableOrderTypes": table.ORDER_TYPES,
-    "PUT /v1/vehicles/{name:path}/allowedOrderTypes": table.ORDER_TYPES,
-    "PUT /v1/vehicles/{name:path}/paused": table.INSTANT_ACTION,
-    "POST /v1/vehicles/{name:path}/rerouteRequest": table.REROUTE,
-    "PUT /v1/paths/{name:path}/locked": table.LOCK_PATH,
+    "PUT /v1/vehicles/{name}/integrationLevel": table.INTEGRATION_LEVEL,
+    "PUT /v1/vehicles/{name}/acceptableOrderTypes": table.ORDER_TYPES,
+    "PUT /v1/vehicles/{name}/allowedOrderTypes": table.ORDER_TYPES,
+    "PUT /v1/vehicles/{name}/paused": table.INSTANT_ACTION,
+    "POST /v1/vehicles/{name}/rerouteRequest": table.REROUTE,
+    "PUT /v1/paths/{name}/locked": table.LOCK_PATH,
 }
 """NeNa's operations by the routes that do the same; other requests are recorded under their route."""
 
@@ -54,7 +54,7 @@ class AuditedRoute(APIRoute):
         async def recorded(request: Request) -> Response:
             body = b""
             trail: Trail = request.app.state.trail
-            route = f"{method} {self.path}"
+            route = f"{method} {self.path_format}"
             with trail.record_request(_changing_request(route, request, lambda: body)) as entry:
                 try:
                     body = await request.body()
