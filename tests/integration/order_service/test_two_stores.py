@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import signal
-from contextlib import suppress
+from contextlib import closing, suppress
+from pathlib import Path
 
 import httpx
 import pytest
@@ -78,6 +79,22 @@ async def test_without_a_broker_to_ask_it_accepts_orders(fleet: Fleet) -> None:
     assert (
         await client.post("/v1/transportOrders", json={"destinations": [{"locationName": "South 2"}]})
     ).is_success
+
+
+async def test_readiness_says_that_the_access_list_hides_the_leader_record(
+    fleet: Fleet, tmp_path: Path
+) -> None:
+    """Mosquitto grants the subscription, acknowledges the question, and delivers nothing."""
+    rules = tmp_path / "rules"
+    rules.write_text(f"topic readwrite {fleet.interface}/v2/#\n")
+    rules.chmod(0o644)
+    with closing(Broker(more=f"acl_file {rules}\n")) as fleet.broker:
+        client = await fleet.order_service().client()
+
+        async def told() -> str:
+            return str((await client.get("/readyz")).json()["problems"])
+
+        await awaited(told, lambda text: topic(fleet) in text and "access list" in text, what="the topic")
 
 
 async def test_a_newer_service_on_a_copied_store_ends_the_older_one_with_a_message(fleet: Fleet) -> None:

@@ -151,7 +151,7 @@ async def _lead_fleet(
             header_ids=header_ids,
             term=guard.term,
             change_plant=runner.change_plant,
-            elected=guard.won,
+            guard=guard,
             answers=server.answers,
         )
 

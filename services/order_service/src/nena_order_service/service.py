@@ -29,6 +29,7 @@ from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.extension import Core, EditPlant, Extension, Listeners, installed
+from nena_order_service.fleet.guard import FleetGuard
 from nena_order_service.fleet.link import FleetLink, HeaderIds, RobotAddresses
 from nena_order_service.fleet.vda_order import OperationMap
 from nena_order_service.orders.vda_orders import OrderPlanner
@@ -68,7 +69,7 @@ class OrderService:
         header_ids: HeaderIds | None = None,
         term: Term = always,
         change_plant: ChangePlant | None = None,
-        elected: asyncio.Event | None = None,
+        guard: FleetGuard | None = None,
         answers: Mapping[int, int] = MappingProxyType({}),
     ) -> None:
         """Build the parts and the extensions; nothing is connected or restored yet.
@@ -81,7 +82,7 @@ class OrderService:
             header_ids: the last ``headerId`` of each topic, if another service was built for this epoch.
             term: see :data:`Term`.
             change_plant: replaces the plant model; None: it is read-only.
-            elected: set once this order service leads the fleet; nothing is sent before. None: no election.
+            guard: finds out whether this service leads the fleet; nothing is sent before. None: no election.
             answers: number of HTTP answers by status, for the metrics.
 
         Raises:
@@ -89,7 +90,7 @@ class OrderService:
         """
         clock, topics = SystemClock(), FleetTopics(settings.topic_prefix)
         client_id, plant_json = _client_id(settings, epoch), plant.to_json().encode()
-        self.elected, self.answers, self.store = elected, answers, store
+        self.guard, self.answers, self.store = guard, answers, store
         self.loop_lag = LoopLag(clock)
         self.certificates = Certificates(settings.http.tls_certificate, settings.mqtt.tls.certificate)
 
@@ -155,6 +156,7 @@ class OrderService:
                 store,
                 self.loop_lag.longest,
                 lacks=self.broker_check.lacks,
+                not_leading=guard.problem if guard else "",
                 failed=work.failed.is_set(),
             ),
             max_body=settings.max_body,
@@ -203,8 +205,8 @@ class OrderService:
                 start(name, self._once_elected(partial(forever, name, work)), vital=False)
 
     async def _once_elected(self, work: Callable[[], Awaitable[None]]) -> None:
-        if self.elected:
-            await self.elected.wait()
+        if self.guard:
+            await self.guard.won.wait()
         await work()
 
     def close_streams(self) -> None:
@@ -278,12 +280,13 @@ def readiness(
     loop_lag: float = 0.0,
     *,
     lacks: Iterable[BrokerLack] = (),
+    not_leading: str = "",
     failed: bool = False,
 ) -> Readiness:
     """Return whether the broker is connected and the store can be written, and any problems."""
     problems = []
     if not mqtt.state.connected:
-        why = mqtt.state.last_error or "not yet"
+        why = mqtt.state.last_error or not_leading or "not yet"
         problems.append(f"The MQTT broker is not connected ({why}). Orders are accepted and wait.")
     elif mqtt.state.refused:
         topics = ", ".join(mqtt.state.refused)

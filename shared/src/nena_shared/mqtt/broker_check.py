@@ -66,17 +66,19 @@ async def find_lacks(
 
     """
     lacks = []
-    async with _connected(settings, client_id) as (client, arrived):
-        topic = f"{place}/retained"
+    topic = f"{place}/retained"
+    clearing = Outbound(topic, b"", retain=True)
+    # also as the will, so that nothing stays if the connection ends in between
+    async with _connected(settings, client_id, will=clearing) as (client, arrived):
         await client.subscribe([(topic, 1)])
         client.send(Outbound(topic, b"1", retain=True), _ignore)
         if not await _holds(client, lambda: bool(arrived)):
-            client.send(Outbound(topic, b"", retain=True), _ignore)
+            client.send(clearing, _ignore)
             raise UntestableError("the broker delivered no message to its exact topic")
         await client.subscribe([(f"{place}/+", 1)])
         if not await _holds(client, lambda: any(message.retained for message in arrived)):
             lacks.append(BrokerLack.RETAINED)
-        client.send(Outbound(topic, b"", retain=True), _ignore)
+        client.send(clearing, _ignore)
     for sign in signs:
         if not await _delivers(settings, client_id, f"{place}/a{sign}b"):
             lacks.append(BrokerLack.NAMES)
@@ -96,10 +98,12 @@ async def _delivers(settings: MqttSettings, client_id: str, topic: str) -> bool:
 
 
 @asynccontextmanager
-async def _connected(settings: MqttSettings, client_id: str) -> AsyncIterator[tuple[Client, list[Inbound]]]:
+async def _connected(
+    settings: MqttSettings, client_id: str, *, will: Outbound | None = None
+) -> AsyncIterator[tuple[Client, list[Inbound]]]:
     arrived: list[Inbound] = []
     settings = settings.model_copy(update={"client_id": None})
-    async with Client(settings, client_id, timeout=ANSWERED_WITHIN) as client:
+    async with Client(settings, client_id, timeout=ANSWERED_WITHIN, will=will) as client:
         receiving = asyncio.create_task(client.receive(arrived.append), name="broker check")
         try:
             yield client, arrived

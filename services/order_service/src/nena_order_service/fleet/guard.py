@@ -79,6 +79,8 @@ class FleetGuard:
         self._question = f"{topic}/question"
         self._asked = asyncio.Event()
         """Set once the broker has been asked for the record."""
+        self._asked_at = 0.0
+        """Time of the question, by the event loop's clock, seconds."""
         self._holds = False
         """Whether the record at the broker is our own."""
         self._left: LeaderRecord | None = None
@@ -98,6 +100,21 @@ class FleetGuard:
         )
         self._link.subscribe(topic, self._on_record)
         self._link.subscribe(self._question, self._on_question)
+
+    @property
+    def problem(self) -> str:
+        """Why it is not decided which order service leads; empty if it is, or needs no longer than usual."""
+        link = self._link.state
+        if self.won.is_set():
+            return ""
+        if not link.connected:
+            return link.last_error
+        if link.refused or asyncio.get_running_loop().time() > self._asked_at + DECIDED_WITHIN:
+            return (
+                f"the broker does not return our messages on {self._topic} and {self._question}: check that "
+                "its access list lets the order service write and read them"
+            )
+        return ""
 
     async def run(self) -> None:
         """Lead until cancelled.
@@ -136,11 +153,13 @@ class FleetGuard:
                         if await set_within(step, LOOK):
                             break
             if not step.is_set():
+                log.warning("not decided which order service leads the fleet", reason=self.problem)
                 return
 
     def _ask_leader(self) -> None:
         """Publish the question; retained records arrive before it comes back."""
         self._asked.set()
+        self._asked_at = asyncio.get_running_loop().time()
         self._link.publish(Outbound(self._question, self._own.instance.encode()))
 
     def _on_question(self, message: Inbound) -> None:
