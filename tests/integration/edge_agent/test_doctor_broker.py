@@ -18,7 +18,7 @@ from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.mqtt import MqttLink
 from nena_shared.settings import MqttSettings, MqttTlsSettings
 from nena_shared.vda5050.topics import Topic
-from support.broker import Broker, MqttPeer, free_port
+from support.broker import Broker, BrokerAddress, MqttPeer, free_port
 from support.edge_agent import FleetControl, agent_settings, running_agent
 from support.forgetful import cancel_again_at_once, forgetful
 from support.waiting import PATIENCE, until
@@ -52,6 +52,14 @@ async def test_broker_accepts_the_robot(broker: Broker, interface_name: str) -> 
     view = await examine_broker(settings_for(broker.settings, interface_name=interface_name))
 
     assert verdicts(view) == {Link.BROKER: OK, Link.LOGIN: OK, Link.ACCESS: OK}
+
+
+async def test_names_that_the_broker_changes_are_not_called_fine(
+    each_broker: BrokerAddress, interface_name: str
+) -> None:
+    named = {"interface_name": interface_name, "serial_number": "robot.1"}
+    view = await examine_broker(settings_for(each_broker.settings, **named))
+    assert verdicts(view)[Link.ACCESS] is (OK if isinstance(each_broker, Broker) else UNKNOWN)
 
 
 async def test_closed_port() -> None:

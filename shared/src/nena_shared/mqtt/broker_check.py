@@ -80,14 +80,18 @@ async def find_lacks(
             lacks.append(BrokerLack.RETAINED)
         client.send(clearing, _ignore)
     for sign in signs:
-        if not await _delivers(settings, client_id, f"{place}/a{sign}b"):
+        if not await delivers(settings, client_id, f"{place}/a{sign}b"):
             lacks.append(BrokerLack.NAMES)
             break
     return tuple(lacks)
 
 
-async def _delivers(settings: MqttSettings, client_id: str, topic: str) -> bool:
-    """Return whether a message arrives on the same topic; NATS refuses or ends the connection."""
+async def delivers(settings: MqttSettings, client_id: str, topic: str) -> bool:
+    """Return whether a message arrives on the same topic.
+
+    RabbitMQ changes a topic with a dot, and NATS refuses it or ends the connection; an access list may
+    withhold the message.
+    """
     with suppress(MqttError):
         async with _connected(settings, client_id) as (client, arrived):
             granted = await client.subscribe([(topic, 1)])

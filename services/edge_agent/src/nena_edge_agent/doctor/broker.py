@@ -19,8 +19,9 @@ from nena_edge_agent.doctor.finding import Link, LinkFinding, missing, ok, unkno
 from nena_edge_agent.messages import HeaderMaker, client_id_of
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import SystemClock
-from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.topics import FleetTopics, level_of
 from nena_shared.mqtt import Inbound, LinkHooks, MqttLink
+from nena_shared.mqtt.broker_check import delivers
 from nena_shared.mqtt.client import NO_MQTT, NOT_ACCEPTED
 from nena_shared.mqtt.identity import tls_context
 from nena_shared.settings import MqttSettings
@@ -80,8 +81,24 @@ async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
         let_in = ok(Link.LOGIN, f"logged in {login_identity(mqtt)}")
         plant_maps = await probe.plant_maps()
         refused = probe.refused
+    if await _changes_names(settings):
+        text = (
+            "messages do not come back on topics with the robot's manufacturer and serial number: NATS and "
+            "RabbitMQ refuse or change '.' and spaces, or the access list hides the robot's own messages"
+        )
+        return BrokerView([reached, let_in, *unknown([Link.ACCESS], f"{text}. Rename the robot")], plant_maps)
     access = _access_findings(settings, refused, await asyncio.to_thread(_ask_to_write, settings))
     return BrokerView([reached, let_in, access], plant_maps)
+
+
+async def _changes_names(settings: EdgeAgentSettings) -> bool:
+    """Return whether the broker may refuse or change the robot's topics because of its names."""
+    robot = RobotKey(settings.manufacturer, settings.serial_number)
+    if all(level_of(name) == name for name in robot):
+        return False
+    topics = topics_for(settings.version, settings.interface_name)
+    place = f"{topics.interface_name}/{topics.major_version}/{robot}/doctor"
+    return not await delivers(settings.mqtt, client_id(settings), place)
 
 
 async def _try_connection(mqtt: MqttSettings) -> str:
