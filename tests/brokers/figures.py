@@ -25,7 +25,7 @@ ROWS = {
     "aggregator": "aggregator restarted during it: order finished",
     "aggregator shows": "... robots, one of them OFFLINE, and orders shown, from its answer",
     "cut": "link of the robot cut for 4 s during it: order finished",
-    "broker": "broker restarted during it: order finished",
+    "broker restart": "broker restarted during it: order finished",
     "broker again": "... of these, until the broker answers again",
     "killed": "agent killed: CONNECTION_BROKEN in both, after",
     "stopped": "agent stopped, keep-alive 4 s: CONNECTION_BROKEN after",
@@ -56,7 +56,7 @@ class Figures:
 
     def record(self, name: str, value: str) -> None:
         """Write one figure."""
-        assert name in ROWS
+        assert name in ROWS, name
         record = {"broker": self._broker, name: value, "date": datetime.now(UTC).date().isoformat()}
         record["load"] = f"{os.getloadavg()[0]:.1f}"
         FILE.parent.mkdir(exist_ok=True)

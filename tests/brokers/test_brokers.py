@@ -283,7 +283,7 @@ async def test_orders_survive_restarts_and_cut_links(fleet: Fleet, figures: Figu
             client = await service.client()
 
     if isinstance(fleet.broker, RealBroker):
-        async with order("broker"):
+        async with order("broker restart"):
             with figures.timed("broker again"):
                 await asyncio.to_thread(fleet.broker.restart)
     await client.aclose()
