@@ -8,6 +8,7 @@ from random import Random
 from nena_shared.mqtt import Inbound, Outbound
 from nena_simulate.virtual_time import VirtualClock, run
 from nena_simulate.wire import Broker, Conditions, Link
+from support.pausing import time_passes
 
 
 def test_an_empty_retained_message_is_delivered_and_clears_its_topic() -> None:
@@ -23,10 +24,10 @@ def test_an_empty_retained_message_is_delivered_and_clears_its_topic() -> None:
 
             link.subscribe("nena/#", receive)
             tasks.append(asyncio.create_task(link.run()))
-            await asyncio.sleep(1)
+            await time_passes(1)
             for payload in (b"leader", b"") if received is heard[0] else ():
                 broker.publish(Outbound("nena/v1/leader", payload, retain=True))
-            await asyncio.sleep(1)
+            await time_passes(1)
         for task in tasks:
             task.cancel()
         return heard

@@ -174,7 +174,13 @@ def find_property_warnings(model: PlantModel) -> Iterator[PlantProblem]:
 
 
 def _recharge_warnings(model: PlantModel) -> Iterator[PlantProblem]:
-    operations = {operation for kind in model.location_types for operation in kind.allowed_operations}
+    types = {location.type for location in model.locations}
+    operations = {
+        operation
+        for kind in model.location_types
+        if kind.name in types
+        for operation in kind.allowed_operations
+    }
     for wanted, name in {
         vehicle.properties.get(keys.VDA5050_RECHARGE_OPERATION, ""): vehicle.name
         for vehicle in reversed(model.vehicles)
@@ -187,10 +193,10 @@ def _recharge_warnings(model: PlantModel) -> Iterator[PlantProblem]:
         similar = sorted(each for each in operations if each.casefold() == meant)
         hint = f" ({similar[0]!r} is a different operation: names are case-sensitive)" if similar else ""
         if wanted:
-            text = f"no location type allows its {keys.VDA5050_RECHARGE_OPERATION} {wanted!r}, so it is never"
+            text = f"no location allows its {keys.VDA5050_RECHARGE_OPERATION} {wanted!r}, so it is never"
             yield PlantProblem("NO_RECHARGE_OPERATION", ObjectKind.VEHICLE, name, f"{text} recharged{hint}")
         else:
-            text = f"no location type allows {RECHARGE_OPERATION!r}, so vehicles are never recharged{hint}"
+            text = f"no location allows {RECHARGE_OPERATION!r}, so vehicles are never recharged{hint}"
             yield PlantProblem("NO_RECHARGE_OPERATION", ObjectKind.MODEL, model.name, text)
 
 

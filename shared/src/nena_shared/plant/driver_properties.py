@@ -212,24 +212,17 @@ FAMILIES: Final[Mapping[ObjectKind, re.Pattern[str]]] = MappingProxyType(
     }
 )
 """Patterns of the keys, by kind of object, that contain a name or an index."""
-SEGMENTS: Final = frozenset(
-    segment
-    for key in (
-        *("vda5050:action", "vda5050:destinationAction", "vda5050:orientation", "vda5050:rotationAllowed"),
-        *(
-            "vda5050:optionalParams",
-            "order",
-            "blockingType",
-            "when",
-            "tags",
-            "parameter",
-            "forward",
-            "reverse",
-        ),
-        *OPTIONAL_FIELDS,
-    )
-    for segment in key.split(".")
+_PREFIXES: Final = (
+    ACTION,
+    DESTINATION_ACTION,
+    ORIENTATION,
+    ROTATION_ALLOWED,
+    OPTIONAL_PARAMETERS,
+    _PARAMETER,
 )
+SEGMENTS: Final = frozenset({"blockingType", "when", "tags", "forward", "reverse"}).union(
+    *(key.split(".") for key in (*_PREFIXES, *OPTIONAL_FIELDS))
+) - {""}
 """The words in keys between dots, beside names and indices."""
 
 

@@ -17,6 +17,7 @@ from nena_shared.plant.track import VehicleTypeAtPoint
 from support.plants import grid_plant, path, plant, point
 
 TYPE = LocationType(name="T", allowed_operations=("Load", "Charge"))
+OF_TYPE = Location(name="L", type="T", links=(Link(point="A"),))
 
 
 def good(**more: Any) -> PlantModel:
@@ -30,7 +31,7 @@ def codes(model: PlantModel) -> list[tuple[str, str]]:
 
 
 def test_a_good_model_has_no_findings() -> None:
-    assert codes(good(locations=(Location(name="L", type="T", links=(Link(point="A"),)),))) == []
+    assert codes(good(locations=(OF_TYPE,))) == []
 
 
 def test_names_are_unique_over_all_kinds_of_object() -> None:
@@ -172,11 +173,16 @@ def test_properties_of_all_kinds_of_object_are_looked_at() -> None:
 
 def test_missing_charging_location_is_reported_if_there_are_vehicles() -> None:
     loading = LocationType(name="T", allowed_operations=("charge",))
-    model = plant(vehicles=(Vehicle(name="V"),), location_types=(loading,))
+    model = plant(vehicles=(Vehicle(name="V"),), location_types=(loading,), locations=(OF_TYPE,))
     (found,) = find_property_warnings(model)
     assert found.code == "NO_RECHARGE_OPERATION"
     assert "'charge' is a different operation" in found.text
     assert list(find_property_warnings(plant(location_types=(loading,)))) == []
+
+
+def test_a_type_without_locations_recharges_nobody() -> None:
+    (found,) = find_property_warnings(plant(vehicles=(Vehicle(name="V"),), location_types=(CHARGER,)))
+    assert found.code == "NO_RECHARGE_OPERATION"
 
 
 @pytest.mark.parametrize(
@@ -195,7 +201,8 @@ def test_each_vehicle_has_an_operation_that_recharges_it(
 ) -> None:
     vehicle = Vehicle(name="V", properties={"vda5050:rechargeOperation": own} if own else {})
     allowing = LocationType(name="T", allowed_operations=(allowed,))
-    found = list(find_property_warnings(plant(vehicles=(vehicle,), location_types=(allowing,))))
+    model = plant(vehicles=(vehicle,), location_types=(allowing,), locations=(OF_TYPE,))
+    found = list(find_property_warnings(model))
     assert [(each.code, each.name) for each in found] == ([("NO_RECHARGE_OPERATION", name)] if name else [])
     assert not own or all(repr(own) in each.text for each in found)
 
@@ -304,6 +311,7 @@ def test_unknown_vehicle_type_is_reported_if_the_plant_defines_any(
         points=(point("A", vehicle_types=uses),),
         vehicles=(vehicle,),
         location_types=(CHARGER,),
+        locations=(Location(name="L", type="Charger", links=(Link(point="A"),)),),
     )
     assert [problem.code for problem in find_property_warnings(model)] == found
 

@@ -558,7 +558,7 @@ class FleetLink:
                 self._mqtt.subscribe(topic, self._note_similar, qos=0, needed=False)
 
     def _note_similar(self, inbound: Inbound) -> None:
-        """Tell a robot that has not been heard of that a message came on a topic like its own."""
+        """Record that a message came on a topic similar to that of an expected robot."""
         meant = self._addresses.similar_to(inbound.topic) if inbound.payload else None
         if meant:
             control, topic = self._controller.control(meant[0]), inbound.topic[:LOGGED_OF_COMMAND]
