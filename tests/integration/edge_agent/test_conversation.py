@@ -93,7 +93,7 @@ async def test_malformed_order_is_rejected_and_the_robot_continues(fleet: FleetC
     (error,) = state["errors"]
     assert (error["errorType"], error["errorLevel"]) == ("validationError", "WARNING")
     references = {each["referenceKey"]: each["referenceValue"] for each in error["errorReferences"]}
-    assert references == {"topic": "order", "orderId": "bad", "orderUpdateId": "3"}
+    assert references == {"topic": "order", "orderId": "bad", "orderUpdateId": "3", "parameter": "nodes"}
     assert state["orderId"] == ""
 
     for rubbish in (b"", b"\xff\xfe", b"[]", b"null", b'{"nodes": ' + b"[" * 5000):
@@ -129,13 +129,26 @@ async def test_order_for_another_robot_is_rejected(fleet: FleetControl) -> None:
 
 
 @pytest.mark.clause("7.2/version")
-@pytest.mark.parametrize(("version", "taken"), [("2.0.0", True), ("3.0.0", False)])
-async def test_only_the_major_version_must_match(fleet: FleetControl, version: str, taken: bool) -> None:  # noqa: FBT001
+@pytest.mark.parametrize(
+    ("version", "of_the_node", "taken"),
+    [
+        ("2.0.0", {}, True),
+        ("3.0.0", {}, True),
+        ("1.3.2", {}, True),
+        ("3.0.0", {"nodePosition": {"x": 0.0, "y": 0.0, "mapId": "map", "allowedDeviationXy": 1.0}}, False),
+    ],
+)
+async def test_the_topic_decides_the_version(
+    fleet: FleetControl,
+    version: str,
+    of_the_node: dict[str, object],
+    taken: bool,  # noqa: FBT001
+) -> None:
     fleet.send(order("n0", "n1", order_id="first"))
     await fleet.state(ended("first"))
     payload = json.loads(fleet.peer.payloads(fleet.topic(Topic.ORDER))[0])
     payload |= {"version": version, "orderId": "second", "nodes": payload["nodes"][1:], "edges": []}
-    payload["nodes"][0]["sequenceId"] = 0
+    payload["nodes"][0] |= {"sequenceId": 0, **of_the_node}
 
     fleet.peer.publish(fleet.topic(Topic.ORDER), json.dumps(payload))
 

@@ -35,7 +35,7 @@ def _topic_level(level: str) -> str:
 
 def _optional_field(name: str) -> str:
     if name not in TOLERABLE:
-        message = f"'{name}' is not one of {', '.join(sorted(TOLERABLE))}"
+        message = f"{name!r} is not one of {', '.join(sorted(TOLERABLE))}"
         raise ValueError(message)
     return name
 
