@@ -56,8 +56,13 @@ class Host:
         await self._peer.wait_for(f"{self._topics}/transportOrders/answer")
 
     def heard(self) -> list[tuple[str, bytes]]:
-        """Return the messages to hosts; those below leader/ are internal to order services."""
-        return [(each.topic, each.payload) for each in self._peer.history if "/leader/" not in each.topic]
+        """Return the messages to hosts; those below leader/ and brokerCheck/ are internal to order services."""
+        internal = ("/leader/", "/brokerCheck/")
+        return [
+            (each.topic, each.payload)
+            for each in self._peer.history
+            if not any(folder in each.topic for folder in internal)
+        ]
 
 
 @pytest.fixture
