@@ -125,7 +125,7 @@ async def test_the_replay_shows_a_robot_that_waited_at_a_place(hall: Hall, brows
         async with opened(browser, hall.url) as page:
             await page.route(HISTORY, answer)
             await page.get_by_role("link", name="History").click()
-            await becomes(page, SHOWN, None, bool)  # a slider that moves before the history is there starts at its end
+            await becomes(page, SHOWN, None, bool)  # the history is there
             for seconds, shown in ((30, ["ACME/r1", 3, "BUSY"]), (90, ["ACME/r1", 9, "WAITING"])):
                 await page.evaluate(f"({SLIDE})({(begin.timestamp() + seconds) * 1000:.0f})")
                 await becomes(page, SHOWN, None, lambda found, shown=shown: found == [shown])  # type: ignore[misc]

@@ -56,7 +56,7 @@ class Host:
         await self._peer.wait_for(f"{self._topics}/transportOrders/answer")
 
     def heard(self) -> list[tuple[str, bytes]]:
-        """Return the messages to hosts; those below leader/ and brokerCheck/ are internal to order services."""
+        """Return the messages to hosts; leader/ and brokerCheck/ are internal to order services."""
         internal = ("/leader/", "/brokerCheck/")
         return [
             (each.topic, each.payload)
