@@ -17,7 +17,7 @@ from support.panel import opened
 
 @asynccontextmanager
 async def site(
-    broker: Broker, interface_name: str, folder: Path, browser: Browser
+    broker: Broker, interface_name: str, folder: Path, browser: Browser, *, expected: tuple[str, ...] = ()
 ) -> AsyncIterator[tuple[Page, httpx.AsyncClient]]:
     """Run a robot, an order service and an aggregator; yield the panel and a client of the order service."""
     fleet, port = Fleet(broker, interface_name, folder), free_port()
@@ -31,7 +31,9 @@ async def site(
             reached = ("--order_service.url", str(orders.base_url))
             with AggregatorProcess(*addresses, *options, *reached) as aggregator:
                 await aggregator.logged("broker connected")
-                async with opened(browser, f"http://127.0.0.1:{port}/", width=1600, height=1000) as page:
+                async with opened(
+                    browser, f"http://127.0.0.1:{port}/", width=1600, height=1000, expected=expected
+                ) as page:
                     shown = page.locator("tr[data-robot]").filter(has_text="Robot-01")
                     await expect(shown).to_contain_text("Idle")
                     yield page, orders

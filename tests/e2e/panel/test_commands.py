@@ -236,6 +236,22 @@ async def drag_heading(page: Page, x: float, y: float, *, turned_to: float) -> N
     await page.mouse.up()
 
 
+async def test_a_robot_is_sent_to_charge(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        operated(broker, interface_name, tmp_path) as fleet,
+        opened(browser, fleet.url + ROBOT) as page,
+    ):
+        await button(page, "Charge now").click()
+        told = page.locator("nena-robot-commands > .result")
+        await expect(told).to_contain_text("Robot-01 → Charging station")
+        # This robot has no such action. That others charge is tested with the order service.
+        order = await order_in(fleet.orders, await fleet.last_order(), "FAILED")
+        assert (order["type"], order["intendedVehicle"]) == ("Charge", "Robot-01")
+        assert order["driveOrders"][0]["destination"]["operation"] == "Charge"
+
+
 async def test_the_initial_position_is_set(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:

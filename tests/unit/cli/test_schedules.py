@@ -104,6 +104,17 @@ def test_schedule_is_put_with_its_order(asked: list[tuple[str, str, Any]]) -> No
     }
 
 
+def test_an_order_template_is_put_and_run(asked: list[tuple[str, str, Any]]) -> None:
+    run("put", "milk-run", "", "Storage")
+    run("run", "milk-run", "-o", "name")
+    (_, _, template), _, (operation, _, order) = asked
+    assert template["cron"] is None
+    assert (operation, order) == (
+        "createTransportOrder",
+        {**TEMPLATE, "name": "milk-run", "incompleteName": True},
+    )
+
+
 def test_schedule_is_switched_and_deleted(asked: list[tuple[str, str, Any]]) -> None:
     for command in ("disable", "enable", "delete"):
         run(command, "milk-run")

@@ -26,8 +26,8 @@ class ScheduleDefinition(CamelCase):
     # 0057: no dependencies and no sequence, so that a run needs no query of other orders
     transport_order: OrderTemplate
     """The body of ``POST /v1/transportOrders``, without the fields of a single order, such as its name."""
-    cron: Annotated[str, Field(min_length=1, max_length=200)]
-    """Cron expression: minute, hour, day of month, month and day of week."""
+    cron: Annotated[str, Field(min_length=1, max_length=200)] | None
+    """Cron expression: minute, hour, day of month, month and day of week. None: an order template."""
     time_zone: Annotated[str, Field(min_length=1, max_length=100)] = "UTC"
     """IANA time zone of the cron expression, such as ``Europe/Berlin``."""
     valid_from: Moment | None = None

@@ -49,6 +49,9 @@ def far() -> Iterator[Far]:
         def do_PUT(self) -> None:
             self.do_POST()
 
+        def do_DELETE(self) -> None:
+            self.do_POST()
+
         def _answer(self, body: Any) -> None:
             far.asked.append((self.command, self.path, body))
             far.cookies.append(self.headers.get("cookie"))
@@ -121,6 +124,13 @@ async def test_a_path_is_locked(client: httpx.AsyncClient, far: Far) -> None:
     assert far.asked == [("PUT", "/v1/paths/A%2FB%20---%20C/lock", {"locked": True})]
 
 
+async def test_a_schedule_is_deleted_and_nothing_else(client: httpx.AsyncClient, far: Far) -> None:
+    for path, status in (("/schedules/night", 201), ("/transportOrders/TO-1", 404), ("/schedules", 404)):
+        body = {"reason": "at the panel"}
+        assert (await client.request("DELETE", path, json=body)).status_code == status
+    assert [(method, path) for method, path, _ in far.asked] == [("DELETE", "/v1/schedules/night")]
+
+
 @pytest.mark.parametrize(
     "path",
     [
@@ -128,7 +138,7 @@ async def test_a_path_is_locked(client: httpx.AsyncClient, far: Far) -> None:
         "/vehicles/A/lock",
         "/transportOrders/A/lock",
         "/paths/A/route",
-        "/schedules/A",
+        "/schedules/A/runs",
         "/schedules",
     ],
 )

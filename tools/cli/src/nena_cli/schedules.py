@@ -15,9 +15,11 @@ from nena_cli import arguments as option
 from nena_cli import tables
 from nena_cli.arguments import parse_stop, refuse_beside_file
 from nena_cli.options import group
+from nena_cli.orders import print_or_watch
 from nena_cli.output import fail
 from nena_cli.service import Service, of_service
 from nena_shared.clock import in_utc, iso
+from nena_shared.fleet_api.operations.orders import CREATE_ORDER
 from nena_shared.fleet_api.operations.schedules import (
     DELETE_SCHEDULE,
     ENABLE_SCHEDULE,
@@ -59,7 +61,10 @@ def put(
     service: Service,
     name: Name,
     cron: Annotated[
-        str, typer.Argument(help="Minute, hour, day of month, month and day of week: '30 6 * * MON-FRI'.")
+        str,
+        typer.Argument(
+            help="Minute, hour, day of month, month and weekday: '30 6 * * MON-FRI'; '': an order template."
+        ),
     ],
     stops: option.Stops = None,
     *,
@@ -92,7 +97,7 @@ def put(
     given = {"intended_vehicle": vehicle, "priority": priority, "type": kind, "timeout": timeout}
     body: dict[str, JsonValue] = {
         "transportOrder": _order_template(service, stops or (), file, given),
-        "cron": cron,
+        "cron": cron or None,
         "timeZone": zone,
         "validFrom": _utc_moment(valid_from),
         "validUntil": _utc_moment(valid_until),
@@ -102,6 +107,17 @@ def put(
     }
     with service.connected() as connection:
         _print_schedules(service, connection.call(PUT_SCHEDULE, name, body=body))
+
+
+@app.command()
+@of_service
+def run(service: Service, name: Name, *, wait: option.Wait = False) -> None:
+    """Create an order of a schedule or order template now."""
+    with service.connected() as connection:
+        order = connection.call(SHOW_SCHEDULE, name).transport_order
+        body = order.model_dump(mode="json", by_alias=True, exclude_unset=True)
+        body |= {"name": name, "incompleteName": True}
+        print_or_watch(service, connection, connection.call(CREATE_ORDER, body=body), wait=wait)
 
 
 @app.command()

@@ -337,7 +337,7 @@ def schedules_table(schedules: Iterable[ScheduleStatus]) -> Table:
                 Text,
                 (
                     schedule.name,
-                    schedule.cron,
+                    schedule.cron or "template",
                     schedule.time_zone,
                     _stops_of(schedule),
                     next_run,
@@ -353,7 +353,7 @@ def schedule_details(status: ScheduleStatus) -> Table:
     """Return the definition of a schedule and its next runs."""
     return _details_table(
         ("schedule", Text(status.name)),
-        ("cron, time zone", Text(f"{status.cron}, {status.time_zone}")),
+        ("cron, time zone", Text(f"{status.cron or 'template'}, {status.time_zone}")),
         ("enabled", Text("yes" if status.enabled else "no")),
         ("valid from", Text(_local_time(status.valid_from))),
         ("valid until", Text(_local_time(status.valid_until))),

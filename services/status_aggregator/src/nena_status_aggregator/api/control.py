@@ -70,8 +70,10 @@ RESOURCES = re.compile(
     r"(transportOrders|vehicles|paths|stops|schedules)(/[^/]+(/[A-Za-z]+)?)?|traffic/plan|audit|zoneSets|recordings"
 )
 """Paths of forwarded queries and commands: the resources that the panel uses."""
-CHANGES = re.compile(r"paths/[^/]+/lock|vehicles/[^/]+/integrationLevel|schedules/[^/]+/enabled")
-"""Paths of forwarded changes (PUT): lock of a path, integration level, and whether a schedule is enabled."""
+CHANGES = re.compile(r"paths/[^/]+/lock|vehicles/[^/]+/integrationLevel|schedules/[^/]+(/enabled)?")
+"""Paths of forwarded changes (PUT): lock of a path, integration level, schedules."""
+REMOVALS = re.compile(r"schedules/[^/]+")
+"""Paths of forwarded removals (DELETE)."""
 BODY_LIMIT = 256 * 1024
 """Maximum size of a command, bytes."""
 
@@ -102,13 +104,14 @@ def make_router(settings: OrderServiceSettings) -> APIRouter:
             detail = "Commands are disabled. Set --order_service.url, e.g. to http://127.0.0.1:55200."
             raise ProblemError(Rejection.COMMANDS_DISABLED, detail)
         path = resource_of(request)
-        body = await _read_body(request) if request.method in ("POST", "PUT") else None
+        body = await _read_body(request) if request.method != "GET" else None
         token = token_of(request.scope, cookies=True)
         return await client.forward(request.method, path, request.url.query, body, token=token)
 
     router.get("/{path:path}", name="ask")(forward)
     router.post("/{path:path}", name="command")(forward)
     router.put("/{path:path}", name="change")(forward)
+    router.delete("/{path:path}", name="remove")(forward)
     return router
 
 
@@ -149,7 +152,7 @@ def resource_of(request: Request) -> str:
     raw: bytes = request.scope["raw_path"]
     path = raw.decode("ascii").split("?", 1)[0].removeprefix(f"{PREFIX}/")
     dots = any(unquote(part) in (".", "..") for part in path.split("/"))
-    allowed = CHANGES if request.method == "PUT" else RESOURCES
+    allowed = {"PUT": CHANGES, "DELETE": REMOVALS}.get(request.method, RESOURCES)
     if dots or not allowed.fullmatch(path):
         detail = f"No command at {request.url.path}; see /api/v1/openapi.json."
         raise ProblemError(Rejection.UNKNOWN_COMMAND, detail)

@@ -217,6 +217,12 @@ def test_all_problems_are_reported_at_once() -> None:
     assert len(caught.value.problems) == 3
 
 
+def test_template_is_never_due() -> None:
+    template = ScheduleRequest.model_validate({**definition().model_dump(), "cron": None})
+    check_schedule("pallets", template, NOW)
+    assert list(planned_times(template, NOW)) == []
+
+
 def test_disabled_schedule_is_checked_too() -> None:
     check_schedule("S", definition("0 6 * * *", enabled=False), NOW)
 

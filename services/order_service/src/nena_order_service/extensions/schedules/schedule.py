@@ -126,8 +126,8 @@ class Schedule(BaseModel):
 
 
 def planned_times(definition: ScheduleRequest, last: datetime) -> Iterator[datetime]:
-    """Yield the planned times after ``last``, in UTC, within the validity; none if it is disabled."""
-    if not definition.enabled:
+    """Yield the planned times after ``last``, in UTC, within the validity; none if disabled or a template."""
+    if not definition.enabled or definition.cron is None:
         return
     start = max(filter(None, (last, definition.valid_from)))
     zone = ZoneInfo(definition.time_zone)
@@ -175,9 +175,8 @@ def check_schedule(name: str, definition: ScheduleRequest, now: datetime) -> Non
     problems = []
     if not NAME.fullmatch(name):
         problems.append(f"Invalid name {name[:100]!r}: {NAME_RULE}.")
-    of_zone, of_cron = _problem_of_zone(definition.time_zone), _problem_of_cron(definition.cron)
-    problems += filter(None, (of_zone, of_cron))
-    if not problems:
+    problems += filter(None, (_problem_of_zone(definition.time_zone), _problem_of_cron(definition.cron)))
+    if not problems and definition.cron is not None:
         # A disabled one has no planned times, whatever its cron expression.
         enabled = definition.model_copy(update={"enabled": True})
         if next(planned_times(enabled, now), None) is None:
@@ -188,7 +187,9 @@ def check_schedule(name: str, definition: ScheduleRequest, now: datetime) -> Non
         raise InvalidScheduleError(problems)
 
 
-def _problem_of_cron(cron: str) -> str:
+def _problem_of_cron(cron: str | None) -> str:
+    if cron is None:
+        return ""
     fields = cron.split()
     if len(fields) != len(FIELDS):
         return f"Invalid cron expression {cron!r}: it has {len(fields)} fields. {FORM}"

@@ -1,4 +1,4 @@
-// Commands to several robots at once: pause, resume, cancel their orders, send to park.
+// Commands to several robots at once: pause, resume, cancel their orders, send to park or to charge.
 
 import { command, newKey } from "./api.js";
 import { button, element, foreign, setText, verbatim } from "./dom.js";
@@ -17,6 +17,7 @@ const COMMANDS = {
   resume: { asks: true, make: resuming },
   cancel: { asks: true, make: cancelling },
   park: { asks: true, make: parking },
+  charge: { asks: true, make: charging },
 };
 
 /** Sends a command to each of the marked robots. */
@@ -158,51 +159,58 @@ function cancelling(robots, { store }) {
 function parking(robots, { store, plant }) {
   const points = (plant.model?.points ?? []).filter(({ type }) => type === "PARK_POSITION");
   const isParked = ({ vehicle }) => !vehicle.transportOrder && points.some(({ name }) => name === vehicle.currentPosition);
-  const [parked, others] = [robots.filter(isParked), robots.filter((robot) => !isParked(robot))];
-  const places = freePlaces(points, store);
-  const jobs = [];
-  for (const robot of others.filter(({ position }) => position)) {
-    const nearest = places.reduce((best, each) => (best && apart(robot, best) <= apart(robot, each) ? best : each), null);
-    if (!nearest) break;
-    places.splice(places.indexOf(nearest), 1);
-    jobs.push(parkingJob(robot, nearest.name));
-  }
-  const sent = new Set(jobs.map(({ name }) => name));
-  const unplaced = namesOf(others).filter((name) => !sent.has(name));
-  return {
-    jobs,
-    left: [
-      parked.length && t("several.parked", { names: namesOf(parked).join(", ") }),
-      unplaced.length && t("several.noPlace", { names: unplaced.join(", ") }),
-    ],
-  };
+  const places = free(points.map((point) => ({ ...point, stands: [point.name], operation: "PARK" })), store);
+  const sent = sending(robots.filter((robot) => !isParked(robot)), () => places, { type: "Park", dispensable: true });
+  const parked = namesOf(robots.filter(isParked));
+  return { jobs: sent.jobs, left: [parked.length && t("several.parked", { names: parked.join(", ") }), sent.unplaced && t("several.noPlace", { names: sent.unplaced })] };
 }
 
-function freePlaces(points, store) {
+/** Plan an order for each robot to recharge at the nearest free charger that it can use: `{jobs, left}`. */
+export function charging(robots, { store, plant }) {
+  const own = (robot) => plant.model?.vehicles.find(({ name }) => name === robot.vehicle.name)?.properties["vda5050:rechargeOperation"] ?? "Charge";
+  const locations = (plant.model?.locations ?? []).filter(({ locked }) => !locked);
+  const places = free(locations.map((each) => ({ ...each, stands: each.links.map(({ point }) => point) })), store);
+  const chargers = (robot) => places.filter(({ name }) => plant.operationsAt(name).includes(own(robot))).map((each) => ({ ...each, operation: own(robot) }));
+  const charges = (robot) => Boolean(robot.battery?.charging);
+  const sent = sending(robots.filter((robot) => !charges(robot)), chargers, { type: "Charge" });
+  const names = namesOf(robots.filter(charges));
+  return { jobs: sent.jobs, left: [names.length && t("several.charging", { names: names.join(", ") }), sent.unplaced && t("several.noCharger", { names: sent.unplaced })] };
+}
+
+// An order for each robot to the nearest of its places, each of which takes one; `unplaced`: names of those that get none.
+function sending(robots, placesOf, fields) {
+  const [jobs, taken] = [[], new Set()];
+  for (const robot of robots.filter(({ position }) => position)) {
+    const places = placesOf(robot).filter((place) => !taken.has(place.name));
+    const nearest = places.reduce((best, each) => (best && apart(robot, best) <= apart(robot, each) ? best : each), null);
+    if (!nearest) continue;
+    taken.add(nearest.name);
+    jobs.push(sendingJob(robot, nearest, fields));
+  }
+  const sent = new Set(jobs.map(({ name }) => name));
+  return { jobs, unplaced: namesOf(robots).filter((name) => !sent.has(name)).join(", ") };
+}
+
+// Places at which no robot stands, and that no order is for.
+function free(places, store) {
   const taken = [...store.robots.values()].map(({ vehicle }) => vehicle?.currentPosition);
   const meant = [...store.orders.values()].filter(({ final }) => !final).flatMap(({ destinations }) => destinations.map(({ place }) => place));
   const excluded = new Set([...taken, ...meant]);
-  return points.filter(({ name }) => !excluded.has(name));
+  return places.filter(({ name, stands }) => ![name, ...stands].some((each) => excluded.has(each)));
 }
 
 function apart({ position }, { xMm, yMm }) {
   return Math.hypot(position.x - xMm / 1000, position.y - yMm / 1000);
 }
 
-function parkingJob({ name, vehicle }, place) {
-  const body = {
-    destinations: [{ locationName: place, operation: "PARK" }],
-    intendedVehicle: vehicle.name,
-    type: "Park",
-    dispensable: true,
-    idempotencyKey: newKey(),
-  };
+function sendingJob({ name, vehicle }, { name: place, operation }, fields) {
+  const body = { destinations: [{ locationName: place, operation }], intendedVehicle: vehicle.name, ...fields, idempotencyKey: newKey() };
   const send = async () => {
     await command(["transportOrders"], body);
     return FINISHED;
   };
   const after = vehicle.transportOrder;
-  return { name, line: after ? t("several.line.parkLater", { name, place, order: after }) : t("several.line.park", { name, place }), send };
+  return { name, line: after ? t("several.line.sendLater", { name, place, order: after }) : t("several.line.send", { name, place }), send };
 }
 
 // A robot that has not done it (yet), and why.

@@ -38,7 +38,7 @@ export async function run(button, result, send) {
   try {
     const [key, values, ...details] = await send();
     show(result, "fine", t(key, values), details);
-    document.dispatchEvent(new CustomEvent("poseshow", { detail: null }));
+    emit("poseshow", null);
     return true;
   } catch (error) {
     if (error instanceof RefusedError) show(result, "bad", t("command.refused"), [foreign("span", error.message)], error.errors);
@@ -66,25 +66,25 @@ export function outcome(answer, done, values) {
   return [`command.${answer.status}`, values, reasonElement("span", answer), ...result.flatMap((each) => ["–", each])];
 }
 
-/** Fields for a point or location and one of its operations. */
+/** Fields for a point or location and one of its operations. `destination`: what they show at first. */
 export class PlaceFields {
-  constructor(plant) {
+  constructor(plant, destination = {}) {
     this.plant = plant;
+    this.first = destination;
     this.place = select(placeOptions(plant.model), { name: "place", required: true });
     this.operation = select([], { name: "operation" });
     this.place.addEventListener("change", () => this.#showOperations());
-    this.element = element(
-      "div",
-      { class: "fields" },
-      field(t("form.place"), this.place),
-      field(t("form.operation"), this.operation),
-    );
+    const pick = button(t("form.pick"), () => emit("placepick", { take: (name) => this.#choose(name), done: () => pick.focus() }));
+    this.element = element("div", { class: "fields" }, field(t("form.place"), this.place), field(t("form.operation"), this.operation), pick);
+    this.place.value = destination.locationName ?? "";
     this.#showOperations();
+    if (destination.operation) this.operation.value = destination.operation;
   }
 
-  /** Return the destination as in the order service's API. */
+  /** Return the destination as in the order service's API. The same operation keeps what the fields do not show. */
   get destination() {
-    return { locationName: this.place.value, operation: this.operation.value };
+    const kept = this.operation.value === this.first.operation ? this.first : {};
+    return { ...kept, locationName: this.place.value, operation: this.operation.value };
   }
 
   /** Return whether a point is selected. */
@@ -92,9 +92,52 @@ export class PlaceFields {
     return this.plant.model.points.some((point) => point.name === this.place.value);
   }
 
+  #choose(name) {
+    if (![...this.place.options].some(({ value }) => value === name)) return; // a path
+    this.place.value = name;
+    this.#showOperations();
+    this.place.dispatchEvent(new Event("input", { bubbles: true }));
+  }
+
   #showOperations() {
     refillSelect(this.operation, this.plant.operationsAt(this.place.value).map(operation));
   }
+}
+
+/** Fields for the destinations of an order: at least one. `destinations`: those they show at first. */
+export class StopFields {
+  #stops = [];
+
+  constructor(plant, destinations = [{}]) {
+    this.plant = plant;
+    this.list = element("ol", { class: "stops" });
+    this.element = element("div", {}, this.list, button(t("orderForm.addStop"), () => this.#add({}).place.focus()));
+    for (const each of destinations) this.#add(each);
+  }
+
+  /** Return the destinations as in the order service's API. */
+  get destinations() {
+    return this.#stops.map((each) => each.destination);
+  }
+
+  // One without a place, such as a coordinate, can only be kept or removed.
+  #add(destination) {
+    const kept = destination.coordinate && { destination, element: element("span", {}, t("dispatch.coordinate")) };
+    const stop = kept || new PlaceFields(this.plant, destination);
+    const remove = button(t("orderForm.removeStop"), () => {
+      if (this.#stops.length === 1) return;
+      this.#stops = this.#stops.filter((each) => each !== stop);
+      row.remove();
+    });
+    const row = element("li", {}, stop.element, remove);
+    this.#stops.push(stop);
+    this.list.append(row);
+    return stop;
+  }
+}
+
+function emit(name, detail) {
+  document.dispatchEvent(new CustomEvent(name, { detail }));
 }
 
 /** Return the options of a vehicle select: those of the plant model, and others known to the order service. */
@@ -167,14 +210,10 @@ export class PoseFields {
   show() {
     const pose = this.pose;
     const complete = Number.isFinite(pose.x) && Number.isFinite(pose.y) && pose.x !== null && pose.y !== null;
-    this.#emit("poseshow", complete ? pose : null);
+    emit("poseshow", complete ? pose : null);
   }
 
   #pick() {
-    this.#emit("posepick", { take: (pose) => (this.pose = pose), done: () => this.element.querySelector("button").focus() });
-  }
-
-  #emit(name, detail) {
-    document.dispatchEvent(new CustomEvent(name, { detail }));
+    emit("posepick", { take: (pose) => (this.pose = pose), done: () => this.element.querySelector("button").focus() });
   }
 }

@@ -26,7 +26,7 @@ export function chooseLanguage(tag) {
 }
 
 /** Return the BCP 47 tag for numbers and dates. */
-function locale() {
+export function locale() {
   return regional;
 }
 

@@ -78,6 +78,7 @@ views.reports.addEventListener("waiting", ({ detail: { report, reveal } }) => ma
 views.history.addEventListener("replay", (event) => map.replay(event.detail));
 document.addEventListener("poseshow", (event) => map.showPose(event.detail));
 document.addEventListener("posepick", (event) => map.pickPose(event.detail));
+document.addEventListener("placepick", (event) => map.pickPlace(event.detail));
 document.addEventListener("areashow", (event) => map.showArea(event.detail));
 document.addEventListener("areapick", (event) => map.pickArea(event.detail));
 

@@ -5,7 +5,7 @@ import { button, element, field, foreign, numberInput, numberOf, progressBar, re
 import { details } from "./event_texts.js";
 import { causesOfOrder } from "./explanations.js";
 import { shownState } from "./fleet.js";
-import { commandForm, PlaceFields, run, vehicles } from "./forms.js";
+import { commandForm, run, StopFields, vehicles } from "./forms.js";
 import { dateAndTime, has, number, t } from "./i18n.js";
 import { nameOfHolder, worded } from "./reasons.js";
 import { address, backLink } from "./router.js";
@@ -176,8 +176,6 @@ function factsOf(order) {
 customElements.define("nena-order-page", OrderPage);
 
 class OrderForm extends HTMLElement {
-  #stops = [];
-
   /** Attach to `fleet`: {store, link, plant, enabled, noCommands}. */
   show(fleet) {
     this.fleet = fleet;
@@ -188,18 +186,16 @@ class OrderForm extends HTMLElement {
   open(begin) {
     if (begin === null) return this.replaceChildren();
     this.key = newKey();
-    this.#stops = [];
-    this.list = element("ol", { class: "stops" });
     const heading = element("h2", { tabindex: -1 }, t("orderForm.title"));
     const head = element("header", { class: "head" }, backLink(), heading);
     const ready = !this.fleet.noCommands && this.fleet.plant.model;
     const missing = t(this.fleet.noCommands ?? "map.empty.title");
     this.replaceChildren(head, ready ? this.#form() : element("p", { class: "hint" }, missing));
-    if (ready) this.#addStop();
     heading.focus({ preventScroll: true });
   }
 
   #form() {
+    this.stops = new StopFields(this.fleet.plant);
     this.vehicle = select([["", t("orderForm.anyVehicle")], ...vehicles(this.fleet)], { name: "vehicle" });
     this.priority = numberInput({ name: "priority", value: 0, min: -1000, max: 1000, step: 1 });
     this.deadline = element("input", { type: "datetime-local", name: "deadline" });
@@ -215,29 +211,16 @@ class OrderForm extends HTMLElement {
     return commandForm({
       label: t("orderForm.title"),
       submit: t("orderForm.send"),
-      fields: [this.list, button(t("orderForm.addStop"), () => this.#addStop()), more],
+      fields: [this.stops.element, more],
       send: () => this.#send(),
     });
-  }
-
-  #addStop() {
-    const stop = new PlaceFields(this.fleet.plant);
-    const remove = button(t("orderForm.removeStop"), () => {
-      if (this.#stops.length === 1) return; // an order has at least one
-      this.#stops = this.#stops.filter((each) => each !== stop);
-      row.remove();
-    });
-    const row = element("li", {}, stop.element, remove);
-    this.#stops.push(stop);
-    this.list.append(row);
-    stop.place.focus();
   }
 
   async #send() {
     const deadline = this.deadline.value && new Date(this.deadline.value).toISOString();
     const wishes = { intendedVehicle: this.vehicle.value, deadline, name: this.name.value.trim() };
     const order = await command(["transportOrders"], {
-      destinations: this.#stops.map((each) => each.destination),
+      destinations: this.stops.destinations,
       priority: numberOf(this.priority) ?? 0,
       idempotencyKey: this.key,
       ...Object.fromEntries(Object.entries(wishes).filter(([, value]) => value)),

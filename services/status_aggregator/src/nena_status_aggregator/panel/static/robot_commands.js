@@ -3,6 +3,7 @@
 import { ask, command, newKey, RefusedError } from "./api.js";
 import { button, element, field, foreign, numberInput, numberOf, select, setAttribute, setText } from "./dom.js";
 import { orderOf, reasonOf } from "./explanations.js";
+import { charging } from "./fleet_commands.js";
 import { commandForm, outcome, PlaceFields, PoseFields, run } from "./forms.js";
 import { number, t } from "./i18n.js";
 import { distanceOffPaths, drawPlan } from "./map/plan_painter.js";
@@ -252,6 +253,8 @@ class RobotCommands extends HTMLElement {
       this.#opener("command.action", () => actionForm(this.#vehicle, this.#robot)),
       this.#opener("command.level", (level) => levelForm(this.#vehicle, level)),
     ];
+    this.charge = this.#direct("charge", () => this.#chargeNow());
+    this.buttons.push(this.charge);
     this.driverOn = this.#direct("driverOn", () => this.#act("nena:startRosSession", "driverOn"));
     this.driverOff = this.#opener("command.driverOff", () => this.#driverOffForm());
     this.sessionButtons = [
@@ -281,6 +284,7 @@ class RobotCommands extends HTMLElement {
     this.#updatePause();
     this.#updateSession();
     this.cancel.disabled = !this.#order;
+    this.charge.disabled = Boolean(this.#robot?.battery?.charging);
     this.wake.hidden = this.#robot?.connection !== "HIBERNATING";
     this.note.hidden = possible;
     this.note.textContent = t(this.noCommands ?? "command.unknownVehicle");
@@ -345,6 +349,13 @@ class RobotCommands extends HTMLElement {
     const vehicle = this.#vehicle;
     const answer = await command(["vehicles", vehicle, "instantActions"], { actionType });
     return outcome(answer, `done.${name}`, { name: vehicle, action: t(`command.${name}`).replace(" …", "") });
+  }
+
+  async #chargeNow() {
+    const { jobs, left } = charging([this.#robot], this);
+    if (!jobs.length) throw new RefusedError({ detail: left.filter(Boolean).join(" ") });
+    await jobs[0].send();
+    return ["done.charge", { line: jobs[0].line }];
   }
 
   // A transport order is withdrawn at the order service; any other order is cancelled at the robot.

@@ -170,6 +170,15 @@ class FleetMap extends HTMLElement {
     this.gestures.pickPose(take, this.#startPicking("map.pick", done));
   }
 
+  /** Pick a place with a click: `take(name)` if one is there, then `done()`. */
+  pickPlace({ take, done }) {
+    const found = ({ x, y }) => {
+      const name = this.#plan && placeAt(this.#plan, this.view, this.view.toScreen(x, y));
+      if (name) take(name);
+    };
+    this.gestures.pickPose(found, this.#startPicking("map.pickPlace", done));
+  }
+
   /** Pick a rectangle by dragging: `take(area)` on each step, `done()` at the end. */
   pickArea({ take, done }) {
     this.gestures.pickArea(take, this.#startPicking("map.pickArea", done));
