@@ -89,11 +89,14 @@ def test_time_per_condition(shift: Engine) -> None:
     }
     shares = {robot["robot"]: robot["utilisation"] for robot in found["robots"]}
     assert shares == {
-        "ACME/r1": round(1800 / 6535, 4),
+        "ACME/r1": round(1500 / 6535, 4),
         "ACME/r2": round(2450 / 4730, 4),  # without OFFLINE
         "ACME/r3": 1.0,
     }
-    assert found["utilisation"] == round(4550 / 11565, 4)
+    assert found["utilisation"] == round(4250 / 11565, 4)
+    waits = {robot["robot"]: robot["waitingShare"] for robot in found["robots"]}
+    assert waits == {"ACME/r1": round(300 / 6535, 4), "ACME/r2": 0.0, "ACME/r3": 0.0}
+    assert found["waitingShare"] == round(300 / 11565, 4)
 
 
 def test_waiting_by_cause(shift: Engine) -> None:

@@ -11,7 +11,7 @@ from nena_status_aggregator.extensions.reports.report import (
     Report,
     find_outages,
     report_csv,
-    utilisation,
+    share_in_service,
 )
 
 END = 10_000
@@ -34,11 +34,13 @@ REPORT: Report = {
         "hours": [{"since": "2026-01-01T06:00:00.000Z", "finished": 3, "failed": 1}],
     },
     "utilisation": None,
+    "waitingShare": None,
     "robots": [
         {
             "robot": "=cmd/1",
             "conditions": {"BUSY": 5.0},
             "utilisation": 1.0,
+            "waitingShare": 0.0,
             "distance": None,
             "emptyDistance": None,
             "charges": 2,
@@ -93,10 +95,12 @@ def test_longest_outages_are_kept() -> None:
     assert kept[0].begin == 1000
 
 
-def test_utilisation_is_a_share_of_the_time_in_service() -> None:
-    assert utilisation({"BUSY": 30, "WAITING": 10, "IDLE": 40, "OFFLINE": 1000}) == 0.5
-    assert utilisation({"OFFLINE": 10}) is None
-    assert utilisation({}) is None
+def test_waiting_is_no_utilisation_and_both_are_shares_of_the_time_in_service() -> None:
+    conditions: dict[str, float] = {"BUSY": 30, "WAITING": 10, "IDLE": 40, "OFFLINE": 1000}
+    assert share_in_service("BUSY", conditions) == 0.375
+    assert share_in_service("WAITING", conditions) == 0.125
+    assert share_in_service("BUSY", {"OFFLINE": 10}) is None
+    assert share_in_service("BUSY", {}) is None
 
 
 def test_csv_has_a_row_per_figure_and_no_formulas() -> None:
@@ -109,6 +113,7 @@ def test_csv_has_a_row_per_figure_and_no_formulas() -> None:
     assert found["orders", "perHour", "", ""] == ""
     assert found["hours", "failed", "", "2026-01-01T06:00:00.000Z"] == "1"
     assert found["robots", "seconds", "'=cmd/1", "BUSY"] == "5.0"
+    assert found["robots", "waitingShare", "'=cmd/1", ""] == "0.0"
     assert found["waiting", "seconds", "", "waits_turn"] == "7.5"
     assert found["waitingPlaces", "seconds", "", "'=P-2"] == "6.0"
     assert found["waitingPlaces", "robots", "", "'=P-2"] == "2"

@@ -39,6 +39,8 @@ from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
 from nena_status_aggregator.extensions.reports.report import (
     HOUR,
+    WAITING,
+    WORKING,
     FailureFigures,
     FailureKind,
     HourFigures,
@@ -50,7 +52,7 @@ from nena_status_aggregator.extensions.reports.report import (
     RobotFigures,
     WaitFigures,
     find_outages,
-    utilisation,
+    share_in_service,
 )
 from nena_status_aggregator.fleet.condition import Condition
 from nena_status_aggregator.fleet.events import Code
@@ -180,7 +182,8 @@ def compute_report(engine: Engine, since: int, until: int) -> Report:
             "recordedSeconds": max(0, recorded) / 1000,
             "missing": int(connection.execute(dropped).scalar() or 0),
             "orders": _order_figures(period, begin, max(0, recorded)),
-            "utilisation": utilisation(total),
+            "utilisation": share_in_service(WORKING, total),
+            "waitingShare": share_in_service(WAITING, total),
             "robots": robots,
             "waiting": waits.by_cause(),
             "waitingPlaces": waits.by_place(),
@@ -277,7 +280,8 @@ def _robot_figures(
     return {
         "robot": name,
         "conditions": dict(sorted(conditions.items())),
-        "utilisation": utilisation(conditions),
+        "utilisation": share_in_service(WORKING, conditions),
+        "waitingShare": share_in_service(WAITING, conditions),
         "distance": distance,
         "emptyDistance": empty,
         "charges": count,

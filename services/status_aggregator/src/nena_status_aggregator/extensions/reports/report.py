@@ -16,8 +16,9 @@ from nena_shared.csv_cells import harmless
 HOUR = 3_600_000
 """ms."""
 
-WORKING = ("BUSY", "WAITING")
-"""Conditions that count as utilisation."""
+WORKING = "BUSY"
+"""Condition that counts as utilisation."""
+WAITING = "WAITING"
 AWAY = "OFFLINE"
 """Condition that does not count as time in service."""
 
@@ -70,7 +71,9 @@ class RobotFigures(TypedDict):
     conditions: dict[str, float]
     """Seconds in each condition."""
     utilisation: float | None
-    """BUSY and WAITING as a share of the time not OFFLINE, 0 to 1; null: never in service."""
+    """BUSY as a share of the time not OFFLINE, 0 to 1; null: never in service."""
+    waitingShare: float | None
+    """WAITING as a share of the same time."""
     distance: float | None
     """Distance of its ended orders, m; null: not recorded."""
     emptyDistance: float | None
@@ -126,6 +129,7 @@ class Report(TypedDict):
     orders: OrderFigures
     utilisation: float | None
     """As for a robot, over all robots."""
+    waitingShare: float | None
     robots: list[RobotFigures]
     waiting: list[WaitFigures]
     """Longest first."""
@@ -182,12 +186,10 @@ def find_outages(links: Sequence[Link], until: int) -> list[Outage]:
     return sorted(longest, key=lambda outage: outage.begin)
 
 
-def utilisation(conditions: dict[str, float]) -> float | None:
-    """Return the share of the time in service that was work, 0 to 1."""
-    service = sum(seconds for condition, seconds in conditions.items() if condition != AWAY)
-    return (
-        round(sum(conditions.get(condition, 0.0) for condition in WORKING) / service, 4) if service else None
-    )
+def share_in_service(condition: str, conditions: dict[str, float]) -> float | None:
+    """Return the share of the time in service spent in a condition, 0 to 1; None: never in service."""
+    service = sum(seconds for each, seconds in conditions.items() if each != AWAY)
+    return round(conditions.get(condition, 0.0) / service, 4) if service else None
 
 
 COLUMNS = ("section", "figure", "robot", "detail", "value")
@@ -207,7 +209,15 @@ Cells = tuple[str, str, str | None, str | None, str | float | None]
 
 
 def _report_rows(report: Report) -> Iterator[Cells]:
-    for name in ("since", "until", "recordedSince", "recordedSeconds", "missing", "utilisation"):
+    for name in (
+        "since",
+        "until",
+        "recordedSince",
+        "recordedSeconds",
+        "missing",
+        "utilisation",
+        "waitingShare",
+    ):
         yield "report", name, None, None, report[name]
     for name, value in report["orders"].items():
         if name != "hours":
@@ -231,5 +241,5 @@ def _robot_rows(robot: RobotFigures) -> Iterator[Cells]:
     name = robot["robot"]
     for condition, seconds in robot["conditions"].items():
         yield "robots", "seconds", name, condition, seconds
-    for figure in ("utilisation", "distance", "emptyDistance", "charges", "chargeAtStart"):
+    for figure in ("utilisation", "waitingShare", "distance", "emptyDistance", "charges", "chargeAtStart"):
         yield "robots", figure, name, None, robot[figure]

@@ -125,8 +125,8 @@ class ReportsPage extends HTMLElement {
     return [
       section("reports.summary", summaryOf(report)),
       section("reports.orders", table(["from", "finished", "failed"], periodsOf(orders.hours))),
-      section("reports.waiting", table(["cause", "time"], shares)),
-      section("reports.places", table(["place", "time", "robotCount"], placeRows(report.waitingPlaces)), this.#mapButton(report)),
+      section("reports.waiting", table(["cause", "timeSum"], shares)),
+      section("reports.places", table(["place", "timeSum", "robotCount"], placeRows(report.waitingPlaces)), this.#mapButton(report)),
       section("reports.robots", table(["robot", "utilisation", "waiting", "stopped", "distance", "charges"], this.#robotRows(robots))),
       section("reports.failures", table(["robot", "kind", "cause", "count"], rows)),
     ];
@@ -138,10 +138,10 @@ class ReportsPage extends HTMLElement {
 
   #robotRows(robots) {
     const named = robots.map((each) => [this.store.robots.get(each.robot)?.name ?? each.robot, each]);
-    return named.sort(([a], [b]) => byName(a, b)).map(([name, { robot, conditions, utilisation, distance, emptyDistance, charges, chargeAtStart }]) => [
+    return named.sort(([a], [b]) => byName(a, b)).map(([name, { robot, conditions, utilisation, waitingShare, distance, emptyDistance, charges, chargeAtStart }]) => [
       this.store.robots.has(robot) ? element("a", { class: "name", href: address("robots", robot), translate: "no" }, name) : verbatim("span", name),
       bar(utilisation, percent(utilisation)),
-      duration(conditions.WAITING ?? 0),
+      bar(waitingShare, t("reports.waitingOf", { share: percent(waitingShare), duration: duration(conditions.WAITING ?? 0) })),
       duration(STOPPED.reduce((sum, each) => sum + (conditions[each] ?? 0), 0)),
       distanceText(distance, emptyDistance),
       charges ? t("reports.chargesFrom", { count: number(charges), charge: number(chargeAtStart) }) : number(0),
@@ -168,7 +168,7 @@ function notesOn({ recordedSince, recordedSeconds, until, missing }, since) {
   const begin = Date.parse(recordedSince);
   const lost = (Date.parse(until) - begin) / 1000 - recordedSeconds;
   return [
-    begin > since && t("reports.begins", { time: dateAndTime(begin) }),
+    begin > since && t("reports.begins", { time: dateAndTime(begin), duration: duration((Date.parse(until) - begin) / 1000) }),
     lost >= INTERRUPTED && t("reports.interrupted", { duration: duration(lost) }),
     missing > 0 && plural("eventLog.historyGap", missing),
   ].filter(Boolean);
@@ -179,7 +179,7 @@ function download(form, query) {
   return element("a", { href: `api/v1/report${form}?${query}`, download: `nena-report.${kind}` }, t(`reports.${kind}`));
 }
 
-function summaryOf({ orders, utilisation, robots, waiting }) {
+function summaryOf({ orders, utilisation, waitingShare, robots, waiting }) {
   const measured = robots.filter((each) => each.distance !== null);
   const total = sum(measured.map((each) => each.distance));
   const empties = measured.filter((each) => each.emptyDistance !== null);
@@ -194,10 +194,11 @@ function summaryOf({ orders, utilisation, robots, waiting }) {
     leadTimeP95: time(leadTimeP95),
     onTime: deadlines ? t("reports.onTimeOf", { share: percent(onTime / deadlines), onTime: number(onTime), deadlines: number(deadlines) }) : t("none"),
     utilisation: percent(utilisation),
-    waiting: duration(sum(waiting.map((each) => each.seconds))),
-    distance: measured.length ? distanceText(total, null) : t("none"),
+    waitingShare: percent(waitingShare),
+    waitingSum: duration(sum(waiting.map((each) => each.seconds))),
+    distanceSum: measured.length ? distanceText(total, null) : t("none"),
     empty: percent(share),
-    charges: number(sum(robots.map((each) => each.charges))),
+    chargesSum: number(sum(robots.map((each) => each.charges))),
   };
   return element("dl", { class: "figures" }, ...Object.entries(facts).map(([name, text]) => element("div", {}, element("dt", {}, t(`reports.${name}`)), element("dd", {}, text))));
 }
