@@ -7,7 +7,7 @@ import { lists } from "./router.js";
 
 const TICK = 1000;
 const BEYOND = 600; // px above and below what is in sight
-const HEIGHT = 58; // px of a row that was never mounted
+const HEIGHT = 40; // px of a row that was never mounted
 const HIDDEN_ROWS = 20; // mounted while the table is hidden
 const CHOSEN = "nena-columns-"; // key of the choice of columns, followed by the table's sort key
 

@@ -6,6 +6,7 @@ import { EventLink, FleetStore, PlantStore } from "./fleet.js";
 import { unsentForm } from "./forms.js";
 import { chosenLanguage, t } from "./i18n.js";
 import { address, followView } from "./router.js";
+import "./divider.js";
 import "./fleet_commands.js";
 import "./header.js";
 import "./history_page.js";

@@ -13,6 +13,8 @@ const LOW_BATTERY = 20;
 // The default order: robots that need attention, waiting, busy or idle, disconnected.
 const RANKS = ["ERROR BROKEN SILENT BLOCKED MANUAL", "WAITING", "BUSY CHARGING IDLE", "OFFLINE"].map((names) => names.split(" "));
 
+const STANDING = 1; // the last of the ranks whose rows show since when
+
 function rankOf({ urgent, condition }) {
   return urgent ? -1 : RANKS.findIndex((names) => names.includes(condition));
 }
@@ -34,7 +36,7 @@ class RobotTable extends LiveTable {
     condition: (a, b) => byName(conditionText(a), conditionText(b)),
     battery: (a, b) => (a.battery?.charge ?? Infinity) - (b.battery?.charge ?? Infinity),
     order: (a, b) => byName(this.#orderName(a), this.#orderName(b)),
-    age: (a, b) => Date.parse(b.lastState ?? 0) - Date.parse(a.lastState ?? 0),
+    lastState: (a, b) => Date.parse(b.lastState ?? 0) - Date.parse(a.lastState ?? 0),
     since: (a, b) => Date.parse(a.conditionSince) - Date.parse(b.conditionSince), // the longest first
     place: (a, b) => byName(placeOf(a) ?? "\uffff", placeOf(b) ?? "\uffff"),
     load: (a, b) => (b.loads?.length ?? 0) - (a.loads?.length ?? 0),
@@ -80,6 +82,7 @@ class RobotTable extends LiveTable {
       box,
       model: verbatim("span", "", { class: "detail" }),
       chip: element("span", { class: "chip" }),
+      waited: element("span", { class: "number" }),
       reason: element("span", { class: "reason" }),
       head: element("span", { class: "detail of-orders" }),
       marks: element("span", { class: "detail marks" }),
@@ -96,7 +99,7 @@ class RobotTable extends LiveTable {
       "tr",
       { "data-robot": id },
       cell("robots.name", parts.box, parts.name, parts.model),
-      cell("robots.condition", parts.chip, parts.reason, parts.head, parts.marks),
+      cell("robots.condition", element("div", { class: "line" }, parts.chip, parts.waited, parts.head), element("div", { class: "line" }, parts.reason, parts.marks)),
       cell("robots.battery", parts.battery, parts.charging),
       cell("robots.order", parts.order, parts.progress.box),
       cell("robots.lastState", parts.age),
@@ -123,7 +126,9 @@ function updateRobotRow(parts, row, robot, now, store) {
   setText(parts.chip, conditionText(robot));
   setAttribute(parts.chip, "data-condition", robot.condition);
   setAttribute(parts.chip, "data-urgent", robot.urgent && "");
+  setText(parts.waited, rankOf(robot) <= STANDING ? age((now - Date.parse(robot.conditionSince)) / 1000) : "");
   setText(parts.reason, reasonOf(robot));
+  setAttribute(parts.reason, "title", reasonOf(robot)); // cut off in a narrow column
   parts.reason.classList.toggle("of-orders", isOfOrderService(robot));
   refill(parts.head, headOf(robot, store), headLink);
   setText(parts.marks, marks(robot).join(" · "));
@@ -192,7 +197,7 @@ function headOf({ reasonCode, reasonValues, vehicle }, store) {
 
 function headLink(head) {
   if (!head) return [];
-  return [head.href ? element("a", { href: head.href }, head.text) : element("strong", {}, head.text)];
+  return [head.href ? element("a", { href: head.href, title: head.text }, head.text) : element("strong", { title: head.text }, head.text)];
 }
 
 customElements.define("nena-robot-table", RobotTable);

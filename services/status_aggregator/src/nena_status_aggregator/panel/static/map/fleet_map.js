@@ -65,6 +65,7 @@ class MapLayers extends HTMLElement {
 customElements.define("nena-map-layers", MapLayers);
 
 const REACH = 18;
+const PRESENTED = 1500; // ms
 const MARGIN = 240; // px painted beyond the edges while the map is dragged
 const SCALE_LENGTHS = [0.5, 1, 2, 5, 10, 20, 50, 100, 200];
 
@@ -124,7 +125,7 @@ class FleetMap extends HTMLElement {
 
   /** Scroll to the map and show a robot on it. */
   reveal(id) {
-    this.closest("section").scrollIntoView({ block: "nearest" });
+    this.#present();
     const position = this.store.robots.get(id)?.position;
     if (position) this.view.reveal(position.x, position.y);
     this.#draw();
@@ -155,7 +156,14 @@ class FleetMap extends HTMLElement {
     this.#waiting.take(report);
     if (!reveal) return;
     this.layers.choose("waiting", true);
-    this.closest("section").scrollIntoView({ block: "nearest" });
+    this.#present();
+  }
+
+  // Scroll to the map, and draw the eye to it.
+  #present() {
+    const section = this.closest("section");
+    section.scrollIntoView({ block: "nearest" });
+    section.animate({ outline: ["4px solid var(--accent)", "4px solid transparent"] }, { id: "present", duration: PRESENTED });
   }
 
   #showWaiting() {

@@ -191,6 +191,7 @@ export function paintPlan(context, view, { plan, grids, colours, layers, waiting
   if (layers.paths) for (const path of plan.paths) paintPath(context, view, path, colours);
   if (layers.locations) for (const location of plan.locations) paintLocation(context, view, location, colours);
   if (layers.points) for (const point of plan.points.values()) paintPoint(context, view, point, colours);
+  if (layers.paths) for (const path of plan.paths.filter(({ locked }) => locked)) paintLock(context, view, path, colours);
 }
 
 /** Paint the labels of a plan: waiting times first, then zones, locations, points and blocks. Returns the visible ones. */
@@ -244,11 +245,22 @@ function screenLine(view, line) {
 function paintPath(context, view, path, colours) {
   const line = screenLine(view, path.line);
   context.strokeStyle = path.locked ? colours.bad : colours.path;
-  context.lineWidth = 2;
+  context.lineWidth = path.locked ? 3 : 2;
   context.setLineDash(path.locked ? [5, 5] : []);
   stroke(context, line, path.curved);
   context.setLineDash([]);
   if (path.forward !== path.backward) paintArrow(context, middle(line, path.curved), path.forward, colours.path);
+}
+
+// As large at any zoom, and above the points, which cover a short path.
+function paintLock(context, view, path, colours) {
+  const [x, y] = middle(screenLine(view, path.line), path.curved);
+  context.beginPath();
+  context.arc(x, y, 6.5, 0, 2 * Math.PI);
+  context.fillStyle = colours.bad;
+  context.fill();
+  context.fillStyle = colours.surface;
+  context.fillRect(x - 4, y - 1.25, 8, 2.5);
 }
 
 function paintArrow(context, [x, y, angle], forward, colour) {

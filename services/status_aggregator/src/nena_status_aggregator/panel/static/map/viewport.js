@@ -2,6 +2,7 @@
 
 const LEAST = 0.5;
 const MOST = 400;
+const CLOSE = 30;
 const MARGIN = 48;
 const RIGHT = 80; // below the map's buttons, with the labels beside them
 
@@ -12,13 +13,15 @@ export class Viewport {
   y = 0;
   width = 1;
   height = 1;
+  fitted = null; // what it was fitted to; null once it was moved
 
-  /** Change the size; the centre stays the same. */
+  /** Change the size; what it was fitted to still fits, else the centre stays the same. */
   resize(width, height) {
     this.x += (width - this.width) / 2;
     this.y += (height - this.height) / 2;
     this.width = width;
     this.height = height;
+    if (this.fitted) this.fit(this.fitted);
   }
 
   toScreen(x, y) {
@@ -36,12 +39,14 @@ export class Viewport {
   }
 
   pan(dx, dy) {
+    this.fitted = null;
     this.x += dx;
     this.y += dy;
   }
 
   /** Zoom around a point of the screen. */
   zoom(factor, px = this.width / 2, py = this.height / 2) {
+    this.fitted = null;
     const [x, y] = this.toPlane(px, py);
     this.scale = Math.min(MOST, Math.max(LEAST, this.scale * factor));
     this.x = px - x * this.scale;
@@ -49,7 +54,9 @@ export class Viewport {
   }
 
   /** Zoom to `[left, bottom, right, top]`. */
-  fit([left, bottom, right, top]) {
+  fit(box) {
+    const [left, bottom, right, top] = box;
+    this.fitted = box;
     const wide = Math.max(1, right - left);
     const high = Math.max(1, top - bottom);
     const room = [Math.max(40, this.width - MARGIN - RIGHT), Math.max(40, this.height - 2 * MARGIN)];
@@ -64,10 +71,10 @@ export class Viewport {
     this.pan(this.width / 2 - px, this.height / 2 - py);
   }
 
-  /** Centre a position if it is not visible. */
+  /** Centre a position, near enough to tell it from its neighbours. */
   reveal(x, y) {
-    const [px, py] = this.toScreen(x, y);
-    if (px < MARGIN || py < MARGIN || px > this.width - MARGIN || py > this.height - MARGIN) this.centre(x, y);
+    if (this.scale < CLOSE) this.zoom(CLOSE / this.scale);
+    this.centre(x, y);
   }
 }
 

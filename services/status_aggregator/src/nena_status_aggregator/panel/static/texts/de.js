@@ -145,6 +145,7 @@ export const TEXTS = {
   "zone.PENALTY": "gemieden",
   "zone.DIRECTED": "Einbahn",
   "zone.BIDIRECTED": "zwei Richtungen",
+  "map.divider": "Breite der Karte",
   "map.fit": "Alles anzeigen",
   "map.in": "Vergrößern",
   "map.out": "Verkleinern",

@@ -145,6 +145,7 @@ export const TEXTS = {
   "zone.PENALTY": "avoided",
   "zone.DIRECTED": "one-way",
   "zone.BIDIRECTED": "two-way",
+  "map.divider": "Width of the map",
   "map.fit": "Show all",
   "map.in": "Zoom in",
   "map.out": "Zoom out",

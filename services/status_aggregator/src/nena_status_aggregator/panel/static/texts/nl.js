@@ -145,6 +145,7 @@ export const TEXTS = {
   "zone.PENALTY": "vermeden",
   "zone.DIRECTED": "eenrichting",
   "zone.BIDIRECTED": "twee richtingen",
+  "map.divider": "Breedte van de kaart",
   "map.fit": "Alles tonen",
   "map.in": "Inzoomen",
   "map.out": "Uitzoomen",

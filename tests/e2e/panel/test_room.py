@@ -1,0 +1,174 @@
+"""Room for robots and map in a real browser: rows in sight, the divider, resizing, any zoom."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from playwright.async_api import Browser, Page, expect
+
+from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
+from nena_shared.vda5050.topics import RobotKey, Topic
+from support.fleet_examples import connection, position, sample_plant, state, vehicle_status
+from support.panel import COLOUR_NEAR, Hall, becomes, findings, opened, picture, seconds_now
+
+pytestmark = [pytest.mark.e2e, pytest.mark.broker]
+
+ROBOTS = 50
+STOPPED: dict[str, Any] = {"safety_state": {"active_emergency_stop": "MANUAL", "field_violation": False}}
+IN_SIGHT = """() => {
+  const frame = document.querySelector("#lists").getBoundingClientRect();
+  const [top, bottom] = [Math.max(0, frame.top), Math.min(innerHeight, frame.bottom)];
+  const boxes = [...document.querySelectorAll("tr[data-robot]")].map((row) => row.getBoundingClientRect());
+  return boxes.filter((box) => box.top >= top && box.bottom <= bottom).length;
+}"""
+"""Counts the rows of robots that are wholly in sight."""
+CUT_OFF = "document.querySelector('#lists').scrollWidth - document.querySelector('#lists').clientWidth"
+"""How much of the table lies beyond the edge of its frame, px."""
+OFF_CENTRE = """([x, y]) => {
+  const { view } = document.querySelector("nena-fleet-map");
+  const [px, py] = view.toScreen(x, y);
+  return [px - view.width / 2, py - view.height / 2, view.scale];
+}"""
+"""How far a position is from the centre of the map, px, and the scale, px/m."""
+CORNERS = """() => {
+  const { view, canvas } = document.querySelector("nena-fleet-map");
+  const places = [[1, 2], [23, 12]].map(([x, y]) => view.toScreen(x, y));
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  return view.width === width && places.every(([x, y]) => x > 0 && y > 0 && x < width && y < height);
+}"""
+"""Whether both corners of the plant are visible on a map of its element's size."""
+
+
+def publish_robots(hall: Hall) -> None:
+    """Publish a robot with an emergency stop, eleven that wait behind it, and idle ones."""
+    for number in range(1, ROBOTS + 1):
+        key, name = RobotKey("ACME", f"r{number:02}"), f"AMR-{number:02}"
+        here = position(3 + number % 8, 3 + number // 8)
+        sent = state(
+            robot=key, at=seconds_now(), mobile_robot_position=here, **STOPPED if number == 1 else {}
+        )
+        hall.send(Topic.CONNECTION, connection(robot=key), robot=key, retain=True)
+        hall.send(Topic.STATE, sent, robot=key)
+        wait = TrafficWait(
+            vehicles=("AMR-01",), at="Middle 2", cause=WaitCause.PASSES, reason="it goes first"
+        )
+        behind = 1 < number <= 12
+        status = vehicle_status(
+            name, robot=key, transport_order=f"T-{number}" if behind else None, wait=wait if behind else None
+        )
+        body = status.model_dump_json(by_alias=True)
+        hall.peer.publish(hall.fleet.vehicle_status(key.serial_number), body, retain=True)
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "least"), [(1600, 1000, 20), (1280, 800, 12), (390, 844, 6)], ids=str
+)
+async def test_many_robots_are_in_sight(
+    hall: Hall, browser: Browser, width: int, height: int, least: int
+) -> None:
+    async with hall.connected("--jam.robots", "3", "--jam.seconds", "0.1"):
+        hall.publish_plant()
+        publish_robots(hall)
+        async with opened(browser, hall.url, width=width, height=height) as page:
+            row = page.locator("tr[data-robot='ACME/r02']")
+            await expect(row).to_contain_text("Head of queue: AMR-01 (Emergency stop)")
+            await expect(row).to_contain_text("Waits for AMR-01 to pass Middle 2.")
+            await expect(row.locator(".line").first).to_contain_text(" s")  # how long it has waited
+            await becomes(page, IN_SIGHT, None, lambda count: count >= least)
+            await picture(page, f"room-{width}")
+            assert await page.evaluate("document.documentElement.scrollWidth") <= width
+            assert await page.evaluate(CUT_OFF) == 0
+            assert await findings(page) == []
+
+
+async def test_the_divider_gives_room_to_the_map_or_the_lists(hall: Hall, browser: Browser) -> None:
+    async with hall.connected():
+        hall.publish_plant()
+        async with opened(browser, hall.url) as page:
+            await expect(page.locator("nena-fleet-map canvas")).to_be_visible()
+            await becomes(page, CORNERS, None, bool)
+            divider = page.get_by_role("separator", name="Width of the map")
+            before = await width_of_map(page)
+            box = await divider.bounding_box()
+            assert box is not None
+            await page.mouse.move(box["x"] + 6, box["y"] + 100)
+            await page.mouse.down()
+            await page.mouse.move(box["x"] + 206, box["y"] + 100)
+            await page.mouse.up()
+            assert abs(await width_of_map(page) - before - 200) < 12
+            await becomes(page, CORNERS, None, bool)
+            await divider.focus()
+            for _ in range(20):
+                await page.keyboard.press("ArrowLeft")
+            await expect(divider).to_have_attribute("aria-valuenow", "20")
+            await becomes(page, CORNERS, None, bool)
+            await page.reload()
+            await expect(divider).to_have_attribute("aria-valuenow", "20")
+            await divider.dblclick()
+            await becomes(
+                page, "document.querySelector('#map').offsetWidth", None, lambda now: abs(now - before) < 3
+            )
+
+
+async def width_of_map(page: Page) -> float:
+    return float(await page.evaluate("document.querySelector('#map').offsetWidth"))
+
+
+async def test_the_plant_fits_a_window_and_a_full_screen_until_it_is_moved(
+    hall: Hall, browser: Browser
+) -> None:
+    async with hall.connected():
+        hall.publish_plant()
+        async with opened(browser, hall.url, width=1600, height=1000) as page:
+            await expect(page.locator("nena-fleet-map canvas")).to_be_visible()
+            await becomes(page, CORNERS, None, bool)
+            await page.set_viewport_size({"width": 950, "height": 600})
+            await becomes(page, CORNERS, None, bool)
+            small = await page.evaluate("document.querySelector('nena-fleet-map').view.scale")
+            await page.set_viewport_size({"width": 1600, "height": 1000})
+            await becomes(page, CORNERS, None, bool)
+            scale = "document.querySelector('nena-fleet-map').view.scale"
+            await becomes(page, scale, None, lambda now: now > small)
+            await page.get_by_role("button", name="Full screen").click()
+            await becomes(page, CORNERS, None, bool)
+            await page.get_by_role("button", name="Zoom in").click()
+            chosen = await page.evaluate(scale)
+            await page.set_viewport_size({"width": 1200, "height": 900})
+            assert await page.evaluate(scale) == chosen
+
+
+async def test_a_robot_is_shown_near_enough_to_be_found(hall: Hall, browser: Browser) -> None:
+    async with hall.connected():
+        hall.publish_plant()
+        publish_robots(hall)
+        async with opened(browser, hall.url) as page:
+            await page.locator("nena-fleet-map canvas").focus()
+            for _ in range(10):
+                await page.keyboard.press("-")
+            await page.locator("tr[data-robot='ACME/r09']").get_by_role("link", name="AMR-09").click()
+            await page.get_by_role("button", name="Show on map").click()
+            drawn = "document.querySelector('#map').getAnimations().map((each) => each.id)"
+            assert await page.evaluate(drawn) == ["present"]
+            x, y, scale = await page.evaluate(OFF_CENTRE, [4.0, 4.0])
+            assert (abs(x) < 1, abs(y) < 1, scale >= 30) == (True, True, True)
+
+
+async def test_a_locked_path_is_visible_at_any_zoom(hall: Hall, browser: Browser) -> None:
+    plant = sample_plant()
+    locked, *others = plant.paths
+    model = plant.model_copy(update={"paths": (locked.model_copy(update={"locked": True}), *others)})
+    ends = [plant.point(name) for name in (locked.source, locked.destination)]
+    middle = [sum(end.x_m for end in ends) / 2, sum(end.y_m for end in ends) / 2]
+    async with hall.connected():
+        hall.peer.publish(hall.fleet.plant_model, model.to_json(), retain=True)
+        async with opened(browser, hall.url) as page:
+            await expect(page.locator("nena-fleet-map canvas")).to_be_visible()
+            await becomes(page, COLOUR_NEAR, [*middle, "bad"], lambda found: found > 30)
+            await page.locator("nena-fleet-map canvas").focus()
+            for _ in range(20):
+                await page.keyboard.press("-")
+            await becomes(
+                page, "document.querySelector('nena-fleet-map').view.scale", None, lambda scale: scale < 1
+            )
+            await becomes(page, COLOUR_NEAR, [*middle, "bad"], lambda found: found > 30)
