@@ -103,6 +103,7 @@ class OrderService:
             store_ready=lambda: store.ready,
             stops=stops.statuses,
             broker_lacks=lambda: self.broker_check.lacks,
+            locked_paths=engine.context.locked_paths.locked_by_hosts,
         )
         hooks = LinkHooks(self.heartbeat.will, lambda: chain(self.publisher.greeting(), devices.greeting()))
         self.mqtt = mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)

@@ -8,10 +8,10 @@ from nena_shared.fleet_api.base import Moment, Resource
 from nena_shared.fleet_api.stops import StopStatus
 from nena_shared.mqtt.broker_check import BrokerLack
 
-HEARTBEAT: Final = 2.0
+HEARTBEAT: Final = 1.0
 """Heartbeat interval, seconds."""
 
-LOST_AFTER: Final = 7.0
+LOST_AFTER: Final = 4.0
 """Time without a heartbeat after which the order service counts as down, seconds."""
 
 
@@ -28,3 +28,5 @@ class ServiceStatus(Resource):
     """What the MQTT broker does not do; unknown (empty) unless ``online``."""
     stops: tuple[StopStatus, ...] = ()
     """The active stops, the oldest first; unknown (empty) unless ``online``."""
+    locked_paths: tuple[str, ...] = ()
+    """The paths that hosts have locked, by name, at most 100; unknown (empty) unless ``online``."""

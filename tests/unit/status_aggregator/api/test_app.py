@@ -23,6 +23,8 @@ async def test_openapi_document_is_served(client: httpx.AsyncClient) -> None:
         "/api/v1/orders",
         "/api/v1/peripherals",
         "/api/v1/plant",
+        "/api/v1/attention",
+        "/api/v1/attention/{matter_id}/acknowledgement",
         "/api/v1/session",
         "/api/v1/session/oidc",
         "/api/v1/control",

@@ -3,7 +3,7 @@ from __future__ import annotations
 from datetime import timedelta
 
 from nena_shared.fleet_api.service_status import LOST_AFTER, ServiceStatus
-from nena_status_aggregator.fleet.model import OrderServiceWatch
+from nena_status_aggregator.fleet.order_service import OrderServiceWatch
 from nena_status_aggregator.fleet.robot import Timestamp
 from support.clocks import ManualClock
 

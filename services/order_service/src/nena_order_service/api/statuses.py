@@ -168,6 +168,10 @@ class StatusPublisher:
         )
 
 
+LOCKED_PATHS_SHOWN: Final = 100
+"""Maximum number of locked paths in a heartbeat."""
+
+
 class Heartbeat:
     """Shows every :data:`HEARTBEAT` seconds that the event loop runs and the broker is connected."""
 
@@ -180,6 +184,7 @@ class Heartbeat:
         store_ready: Callable[[], bool],
         stops: Callable[[], tuple[StopStatus, ...]] = tuple,
         broker_lacks: Callable[[], tuple[BrokerLack, ...]] = tuple,
+        locked_paths: Callable[[], tuple[str, ...]] = tuple,
     ) -> None:
         self._topic = topics.service_status
         self._clock = clock
@@ -187,6 +192,7 @@ class Heartbeat:
         self._store_ready = store_ready
         self._stops = stops
         self._broker_lacks = broker_lacks
+        self._locked_paths = locked_paths
         self._due = asyncio.Event()
         self._ended = False
 
@@ -219,6 +225,7 @@ class Heartbeat:
             store_ready=online and self._store_ready(),
             broker_lacks=self._broker_lacks() if online else (),
             stops=self._stops() if online else (),
+            locked_paths=self._locked_paths()[:LOCKED_PATHS_SHOWN] if online else (),
         )
         return Outbound(
             self._topic, with_epoch(status.model_dump_json(by_alias=True).encode(), self._epoch), retain=True

@@ -19,6 +19,7 @@ from nena_order_service.traffic.resources import Resources
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.transport_order import FailurePolicy
+from nena_shared.plant import PlantModel
 from nena_shared.settings import SettingsGroup
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.topics import RobotKey
@@ -145,13 +146,19 @@ class FleetControl(Protocol):
 class LockedPaths:
     """Paths that hosts have locked or unlocked, and those in areas of stops, which are locked anyway."""
 
-    def __init__(self, finder: RouteFinder, resources: Resources) -> None:
+    def __init__(self, finder: RouteFinder, resources: Resources, plant: PlantModel) -> None:
         """Start with the locks of the plant model."""
         self.by_hosts: Mapping[str, bool] = {}
         self.by_stops: Mapping[str, str] = {}
         """The names of the stops, by path."""
         self._finder = finder
         self._resources = resources
+        self._plant = plant
+
+    def locked_by_hosts(self) -> tuple[str, ...]:
+        """Return the names of the paths that hosts have locked, not those that the plant model locks."""
+        in_plant = self._plant.paths_by_name
+        return tuple(name for name, locked in self.by_hosts.items() if locked and not in_plant[name].locked)
 
     def lock(
         self, *, by_hosts: Mapping[str, bool] | None = None, by_stops: Mapping[str, str] | None = None
@@ -192,7 +199,7 @@ class Context:
             exclusive=settings.traffic,
             peripherals=settings.peripherals.enabled,
         )
-        self.locked_paths = LockedPaths(self.finder, self.traffic.resources)
+        self.locked_paths = LockedPaths(self.finder, self.traffic.resources, planner.plant)
         self._fleet: FleetControl | None = None
 
     def connect(self, fleet: FleetControl) -> None:

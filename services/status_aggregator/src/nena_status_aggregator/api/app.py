@@ -22,6 +22,7 @@ from nena_shared.web.users import users_of
 from nena_status_aggregator import panel
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api import (
+    attention,
     control,
     events,
     fleet,
@@ -158,7 +159,9 @@ def make_app(
     for extension in aggregator.extensions:
         for router in extension.routers():
             app.include_router(router)
-    app.include_router(control.make_router(order_service or OrderServiceSettings()))
+    control_settings = order_service or OrderServiceSettings()
+    app.include_router(attention.make_router(aggregator, control_settings.trusted_hosts))
+    app.include_router(control.make_router(control_settings))
     app.include_router(events.make_router(aggregator.events))
     app.include_router(make_problem_router(DESCRIBED, OPENAPI))
     app.include_router(make_health_router(aggregator, Exposition(aggregator)))

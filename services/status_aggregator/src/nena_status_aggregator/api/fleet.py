@@ -6,6 +6,7 @@ from fastapi import APIRouter, Response
 from typing_extensions import TypedDict
 
 from nena_shared.clock import iso
+from nena_shared.fleet_api.attention import Matter
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.problem_types import Rejection
@@ -90,6 +91,7 @@ class FleetResource(TypedDict):
     link: LinkView
     orderService: OrderServiceView
     jams: list[JamView]
+    attention: list[Matter]
     malformed: MalformedView
 
 

@@ -19,6 +19,16 @@ class Rejection(ProblemType):
         "Unknown robot.",
         "`GET /api/v1/fleet` lists all known robots.",
     )
+    UNKNOWN_MATTER = (
+        HTTPStatus.NOT_FOUND,
+        "Nothing with this ID needs a person; it may have ended.",
+        "`GET /api/v1/attention` lists what does.",
+    )
+    NAMELESS = (
+        HTTPStatus.UNPROCESSABLE_ENTITY,
+        "The acknowledgement lacks the name of the person.",
+        "Sign in, or send the name as `by`.",
+    )
     NO_FACTSHEET = (
         HTTPStatus.NOT_FOUND,
         "The robot has not sent a factsheet.",

@@ -8,14 +8,12 @@ from datetime import datetime
 from math import inf
 from weakref import WeakValueDictionary
 
-from nena_shared.clock import ClockSkew, iso
+from nena_shared.clock import iso
 from nena_shared.fleet_api.peripherals import PeripheralStatus
 from nena_shared.fleet_api.plant import MapImage
-from nena_shared.fleet_api.service_status import LOST_AFTER, ServiceStatus
-from nena_shared.fleet_api.stops import StopStatus
+from nena_shared.fleet_api.service_status import ServiceStatus
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
-from nena_shared.mqtt.broker_check import BrokerLack
 from nena_shared.plant.model import PlantModel
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
@@ -23,8 +21,10 @@ from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.visualization import Visualization
+from nena_status_aggregator.fleet.attention import AttentionRegistry, Fleet, find_matters
 from nena_status_aggregator.fleet.event_log import EventLog, Publish
 from nena_status_aggregator.fleet.messages import MessageKind, Verdict
+from nena_status_aggregator.fleet.order_service import OrderServiceWatch
 from nena_status_aggregator.fleet.orders import OrderRegistry
 from nena_status_aggregator.fleet.peripherals import PeripheralRegistry
 from nena_status_aggregator.fleet.publication import Delta, Publication
@@ -46,48 +46,6 @@ from nena_status_aggregator.fleet.views import (
     PeripheralView,
     RobotView,
 )
-
-
-class OrderServiceWatch:
-    """Tracks the last status of the active order service, if the fleet has one."""
-
-    def __init__(self) -> None:
-        self.skew = ClockSkew()
-        self._last: ServiceStatus | None = None
-        self._received_at = 0.0
-        """Time of arrival of the last status, monotonic seconds."""
-        self.last_sign: datetime | None = None
-        """Time of the last heartbeat; None: none received."""
-        self.stops: tuple[StopStatus, ...] = ()
-        """The active stops; a last will does not have them."""
-        self.broker_lacks: tuple[BrokerLack, ...] = ()
-        """What it has found that the broker does not do."""
-
-    def apply_status(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
-        """Store a status."""
-        self._last, self._received_at = status, at.monotonic
-        # The timestamp of a retained status is old, that of a last will is the one of the connection.
-        if status.online:
-            self.stops, self.broker_lacks = status.stops, status.broker_lacks
-            self.last_sign = status.timestamp if retained else at.utc
-            if not retained:
-                self.skew.measure(status.timestamp, at.utc)
-
-    def forget_status(self) -> None:
-        """Forget the status: the broker link is down, or the broker no longer retains it."""
-        self._last, self.last_sign, self.stops, self.broker_lacks = None, None, (), ()
-        self.skew = ClockSkew()
-
-    def is_up(self, now: Timestamp) -> bool | None:
-        """Return whether the order service is up; None: no status received."""
-        if self._last is None:
-            return None
-        return self._last.online and now.monotonic - self._received_at < LOST_AFTER
-
-    @property
-    def store_ready(self) -> bool | None:
-        """Whether the order service accepts new orders, from its last status; None: no status received."""
-        return None if self._last is None else self._last.store_ready
 
 
 class RobotRegistry:
@@ -126,6 +84,9 @@ class RobotRegistry:
         robot.last_message_at = at.monotonic
         return robot, replaced
 
+
+ATTENTION_INTERVAL = 0.5
+"""Seconds between two searches for what needs a person, which look at the whole fleet."""
 
 ROOM = 64 * 1024 * 1024
 """Maximum total size of stored images, bytes; as any client may invent robots, further ones are refused."""
@@ -181,6 +142,7 @@ class FleetModel:
         self.orders = OrderRegistry(limits.orders, limits.open_orders)
         self.peripherals = PeripheralRegistry(limits.peripherals)
         self.queues = Queues(limits.jam)
+        self.attention = AttentionRegistry()
         self.order_service = OrderServiceWatch()
         self.statistics = Statistics()
         self._maps = MapCache()
@@ -190,8 +152,12 @@ class FleetModel:
         self._key_of_vehicle: dict[str, RobotKey] = {}
         self._plant_version = 0
         self._public = Publication()
+        self._link_since: datetime | None = None
+        """Time of the last change of the broker connection; None: it was never established."""
         self._unassessed: dict[RobotKey, None] = {}
         """Robots whose condition may have changed."""
+        self._attention_due = -inf
+        """Monotonic time (s) of the next search for what needs a person."""
         self._no_silence_before = -inf
         """Monotonic time (s) before which no unchanged robot can become silent."""
 
@@ -373,6 +339,7 @@ class FleetModel:
     def on_link(self, *, connected: bool, at: Timestamp) -> None:
         """Apply that the broker connection was established or lost."""
         self._public.link = {"connected": connected, "since": iso(at.utc)}
+        self._link_since = at.utc
         self._event_log.log_link(connected=connected, at=at)
         for robot in self.robots:
             self._mark_changed(robot.key)
@@ -390,7 +357,7 @@ class FleetModel:
         return self._public.link["connected"]
 
     def update_conditions(self, at: Timestamp) -> None:
-        """Update the conditions of all robots, without publishing them yet."""
+        """Update the conditions of all robots and what needs a person, without publishing them yet."""
         setting = self.limits.silence
         # Time alone changes nothing but silence. So only changed robots are assessed, and the others are
         # searched for silent ones only when the first of them can have become silent.
@@ -412,6 +379,21 @@ class FleetModel:
         for name in self.queues.update_chains(at):
             if name in self._key_of_vehicle:
                 self._public.robots.mark_touched(self._key_of_vehicle[name])
+        if at.monotonic >= self._attention_due:
+            self._attention_due = at.monotonic + ATTENTION_INTERVAL
+            self._update_attention(at)
+
+    def _update_attention(self, at: Timestamp) -> None:
+        fleet = Fleet(
+            [*self.robots],
+            self.orders,
+            self.queues.chains,
+            self.queues.find_jams(at),
+            self.order_service,
+            at,
+            lost_since=None if self.link_up else self._link_since or at.utc,
+        )
+        self.attention.update(find_matters(fleet), at.utc)
 
     def flush(self, at: Timestamp) -> Delta | None:
         """Update all conditions; return the changes since the last call, or None."""
@@ -424,6 +406,7 @@ class FleetModel:
         status: OrderServiceView = {"up": up, "lastSign": down_since, "stops": stops, "brokerLacks": lacks}
         self._public.order_service = status
         self._public.jams = [view_jam(jam) for jam in self.queues.find_jams(at)]
+        self._public.attention = [*self.attention.matters]
         return self._public.flush(self._view_robot, self._view_order, self._view_peripheral)
 
     def snapshot(self) -> FleetView:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Generic, NotRequired, TypedDict, TypeVar, cast
 
+from nena_shared.fleet_api.attention import Matter
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.views import (
     FleetView,
@@ -43,6 +44,7 @@ class Delta(TypedDict):
     link: NotRequired[LinkView]
     orderService: NotRequired[OrderServiceView]
     jams: NotRequired[list[JamView]]
+    attention: NotRequired[list[Matter]]
     malformed: NotRequired[MalformedView]
 
 
@@ -59,6 +61,7 @@ def apply_delta(delta: Delta, view: FleetView) -> FleetView:
         "link": delta.get("link", view["link"]),
         "orderService": delta.get("orderService", view["orderService"]),
         "jams": delta.get("jams", view["jams"]),
+        "attention": delta.get("attention", view["attention"]),
         "malformed": delta.get("malformed", view["malformed"]),
     }
 
@@ -124,6 +127,7 @@ class Publication:
             "brokerLacks": [],
         }
         self.jams: list[JamView] = []
+        self.attention: list[Matter] = []
         self.malformed: MalformedView = {
             "counts": {},
             "lastTopic": None,
@@ -179,6 +183,8 @@ class Publication:
             delta["orderService"] = self.order_service
         if self.jams != self._published["jams"]:
             delta["jams"] = self.jams
+        if self.attention != self._published["attention"]:
+            delta["attention"] = self.attention
         if self.malformed != self._published["malformed"]:
             delta["malformed"] = self.malformed
 
@@ -192,5 +198,6 @@ class Publication:
             "link": self.link,
             "orderService": self.order_service,
             "jams": self.jams,
+            "attention": self.attention,
             "malformed": self.malformed,
         }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing_extensions import TypedDict
 
+from nena_shared.fleet_api.attention import Matter
 from nena_shared.mqtt.broker_check import BrokerLack
 
 
@@ -408,4 +409,5 @@ class FleetView(TypedDict):
     link: LinkView
     orderService: OrderServiceView
     jams: list[JamView]
+    attention: list[Matter]
     malformed: MalformedView

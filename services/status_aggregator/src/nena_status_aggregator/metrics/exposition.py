@@ -11,6 +11,7 @@ from importlib.metadata import version
 from typing import Final
 
 from nena_shared import metrics
+from nena_shared.fleet_api.attention import MatterKind
 from nena_shared.fleet_api.service_status import LOST_AFTER
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.histogram import Histogram
@@ -49,6 +50,17 @@ def _count_jams(aggregator: Aggregator) -> Mapping[LabelValues, float]:
         head = ", ".join(jam.end[:NAMES_SHOWN]) + more
         robots[head, "circle" if jam.circle else "vehicle"] = jam.robots
     return robots
+
+
+def _count_matters(aggregator: Aggregator) -> Mapping[LabelValues, float]:
+    counts = Counter(
+        (each.kind, each.acknowledged is not None) for each in aggregator.model.attention.matters
+    )
+    return {
+        (kind.value, "yes" if done else "no"): counts[kind, done]
+        for kind in MatterKind
+        for done in (False, True)
+    }
 
 
 def _active_errors(aggregator: Aggregator) -> Mapping[LabelValues, float]:
@@ -100,6 +112,15 @@ ROBOTS: Final[Section[Aggregator]] = Section(
             _count_jams,
             "head",
             "kind",
+        ),
+        gauge(
+            "nena_attention",
+            "Matters that need a person, as in the attention list of the panel: "
+            + ", ".join(f"`{kind.value}`" for kind in MatterKind)
+            + ". `acknowledged` is `yes` or `no`.",
+            _count_matters,
+            "kind",
+            "acknowledged",
         ),
         gauge(
             "nena_robots_share_ratio",

@@ -1,0 +1,134 @@
+"""What needs a person: each condition of the table, and what people and time change."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+
+from nena_shared.fleet_api.attention import ADVICE, MatterKind
+from nena_shared.fleet_api.service_status import LOST_AFTER
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
+from nena_status_aggregator.fleet.queues import JamLimits
+from nena_status_aggregator.fleet.robot import Timestamp
+from support.clocks import ManualClock
+from support.fleet_examples import START
+from support.matters import CONDITIONS, OWN, Condition, ModelSite, emergency
+
+LIMITS = ModelLimits(jam=JamLimits(robots=2, seconds=1), silence=3600)
+
+
+def make_site(limits: ModelLimits = LIMITS) -> ModelSite:
+    return ModelSite(FleetModel(limits), ManualClock(start=START))
+
+
+@pytest.mark.parametrize("condition", CONDITIONS, ids=lambda each: each.name)
+def test_condition_is_in_the_list_within_five_seconds(condition: Condition) -> None:
+    site = make_site()
+    condition.arrange(site)
+    site.wait(5)
+    found = {matter.id: matter for matter in site.list()}
+    assert set(found) == set(condition.matters)
+    if condition.matters:
+        first = found[condition.matters[0]]
+        held = (condition.robots, condition.orders)
+        counted = (first.robot_count, first.order_count)
+        assert counted == held
+        assert site.now - first.since <= timedelta(seconds=5)
+        assert first.reason
+        assert first.advice
+
+
+def test_all_conditions_together_are_the_sum_of_each() -> None:
+    site = make_site()
+    for each in OWN:
+        each.arrange(site)
+    site.wait(5)
+    assert site.ids() == {name for each in OWN for name in each.matters}
+
+
+def test_what_is_past_leaves_the_list() -> None:
+    site = make_site()
+    site.robot("Hit", **emergency("MANUAL"))
+    assert site.ids() == {"emergency_stop:Hit"}
+    site.clock.advance(1)
+    site.robot("Hit")
+    assert site.ids() == set()
+
+
+def test_acknowledged_matter_stays_last_with_the_first_name_and_is_new_when_it_returns() -> None:
+    site = make_site()
+    site.robot("Hit", **emergency("MANUAL"))
+    site.order("Failed", TransportOrderState.FAILED, finished=site.now)
+    registry = site.model.attention
+    assert [each.id for each in site.list()] == ["emergency_stop:Hit", "order_failed:Failed"]
+    assert registry.acknowledge("emergency_stop:Hit", "Anna", site.now)
+    assert registry.acknowledge("emergency_stop:Hit", "Ben", site.now)
+    assert registry.acknowledge("emergency_stop:Other", "Ben", site.now) is None
+    site.wait(2)
+    assert [each.id for each in site.list()] == ["order_failed:Failed", "emergency_stop:Hit"]
+    done = site.list()[1].acknowledged
+    assert done
+    assert done.by == "Anna"
+
+    site.robot("Hit")
+    site.wait(1)
+    site.robot("Hit", **emergency("MANUAL"))
+    site.wait(1)
+    assert [each.acknowledged for each in site.list()] == [None, None]
+
+
+def test_protective_field_is_a_matter_only_if_it_stays_violated() -> None:
+    site = make_site()
+    site.robot("Stands", safety_state={"active_emergency_stop": "NONE", "field_violation": True})
+    site.wait(8)
+    assert site.ids() == set()
+    site.wait(4)
+    assert site.ids() == {"protective_field:Stands"}
+
+
+def test_silent_order_service_is_in_the_list_within_five_seconds_of_its_last_heartbeat() -> None:
+    site = make_site()
+    site.robot("Idle")
+    site.service()
+    site.wait(5, beating=False)
+    (found,) = site.list()
+    assert (found.kind, found.robots, found.urgent) == (MatterKind.ORDER_SERVICE_DOWN, ("Idle",), True)
+    assert LOST_AFTER < 5
+
+
+def test_without_the_broker_only_that_is_new() -> None:
+    site = make_site()
+    site.robot("Hit", **emergency("MANUAL"))
+    site.robot("Idle")
+    site.service()
+    site.model.on_link(connected=False, at=Timestamp.of(site.clock))
+    site.wait(2)
+    assert site.ids() == {"broker_lost", "emergency_stop:Hit"}
+
+
+def test_silent_robot_and_old_failure() -> None:
+    site = make_site(ModelLimits(silence=10))
+    site.robot("Mute")
+    site.order(
+        "Failed", TransportOrderState.FAILED, finished=site.now - timedelta(hours=7, minutes=59, seconds=55)
+    )
+    assert site.ids() == {"order_failed:Failed"}
+    site.wait(12)
+    assert site.ids() == {"robot_silent:Mute"}
+
+
+def test_offline_robot_for_which_an_order_waits_holds_it_up() -> None:
+    site = make_site()
+    site.robot("Off")
+    site.connection("Off", "OFFLINE")
+    assert site.ids() == set()
+    site.order("T-1", TransportOrderState.DISPATCHABLE, processing_vehicle=None, intended_vehicle="Off")
+    site.wait(1)
+    (found,) = site.list()
+    assert (found.id, found.orders) == ("robot_offline:Off", ("T-1",))
+
+
+def test_every_kind_says_what_to_do() -> None:
+    assert set(ADVICE) == set(MatterKind)
