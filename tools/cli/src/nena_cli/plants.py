@@ -27,8 +27,10 @@ from nena_plant_formats.exchange import JSON_LIMITS
 from nena_plant_formats.files import PlantFormat
 from nena_plant_formats.lif import LifVersion
 from nena_shared.fleet_api.operations.plant import CHANGE_PLANT
-from nena_shared.plant import PlantModel, PlantModelError, PlantProblem
+from nena_shared.plant import PlantModel, PlantModelError, PlantProblem, Vehicle
+from nena_shared.plant import property_keys as keys
 from nena_shared.plant.fleet_checks import find_fleet_errors
+from nena_shared.plant.track import MM_PER_M, BoundingBox
 
 STANDARD_STREAM = "-"
 
@@ -210,6 +212,7 @@ def _severity(finding: Finding) -> str:
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=PLAIN)
 
+PARKING_SHOWN: Final = 5
 FOUND: Final = 1
 """Exit status if the plant model has errors."""
 
@@ -237,6 +240,65 @@ def check(file: Source, *, strict: Strict = False, as_json: AsJson = False) -> N
         show_findings(read.findings, console)
         echo(f"{read.errors} errors, {len(read.findings) - read.errors} warnings")
     raise typer.Exit(FOUND if read.errors else 0)
+
+
+@app.command()
+def new(
+    *,
+    robot_map: Annotated[
+        Path,
+        typer.Option("--map", metavar="FILE", help="YAML file of the robot's map, as map_saver writes it."),
+    ],
+    output: Output,
+    width: Annotated[float, typer.Option("--robot-width", min=0.05, max=10, help="Width of the robots, m.")],
+    length: Annotated[
+        float, typer.Option("--robot-length", min=0.05, max=10, help="Length of the robots, m.")
+    ],
+    clearance: Annotated[
+        float, typer.Option(min=0, max=5, help="Room that stays free on each side, m.")
+    ] = 0.1,
+    spacing: Annotated[float, typer.Option(min=0.5, max=20, help="Distance between points, m.")] = 3.0,
+    speed: Annotated[float, typer.Option(min=0.05, max=10, help="Maximum speed on paths, m/s.")] = 1.0,
+    robots: Annotated[
+        list[str] | None,
+        typer.Option("--robot", metavar="MANUFACTURER/SERIAL", help="A robot of the plant; repeatable."),
+    ] = None,
+    replace: Replace = False,
+) -> None:
+    """Propose a plant model from a robot's map: points, paths, passing places and parking positions."""
+    try:
+        from nena_plant_formats.from_map import proposal  # noqa: PLC0415 - an extra
+        from nena_plant_formats.from_map import robot_map as maps  # noqa: PLC0415
+        from nena_plant_formats.from_map.free_space import RobotSize  # noqa: PLC0415
+    except ImportError as error:
+        fail(f"{error}; install what reads maps: pip install 'nena-cli[maps]'")
+    box = BoundingBox(length_mm=round(length * MM_PER_M), width_mm=round(width * MM_PER_M))
+    vehicles = tuple(_vehicle_of(robot, box) for robot in robots or ())
+    with _errors_reported():
+        try:
+            read = maps.read_map(robot_map)
+            size = RobotSize(width, length, clearance)
+            made = proposal.propose_plant(read, size, spacing=spacing, speed=speed, vehicles=vehicles)
+        except maps.RobotMapError as error:
+            fail(error)
+        write_bytes(made.model.to_json().encode() + b"\n", output, replace=replace)
+    for remark in made.remarks:
+        echo(f"note: {remark}")
+    echo(
+        f"{output} written: {made.area:.0f} m² for the middle of a robot, {len(made.model.points)} points, "
+        f"{len(made.model.paths)} paths, {made.one_way_pairs} tracks as pairs of one-way lanes, "
+        f"{made.passing_places} passing places, {len(made.parking)} parking positions"
+    )
+    for point in made.parking[:PARKING_SHOWN]:
+        echo(f"{point.name}: x {point.x_m:.2f} m, y {point.y_m:.2f} m")
+
+
+def _vehicle_of(robot: str, box: BoundingBox) -> Vehicle:
+    manufacturer, _, serial = robot.partition("/")
+    if not manufacturer or not serial:
+        fail(f"--robot {robot!r}: use MANUFACTURER/SERIAL, as in the robot's VDA 5050 topics")
+    properties = {keys.VDA5050_MANUFACTURER: manufacturer, keys.VDA5050_SERIAL_NUMBER: serial}
+    return Vehicle(name=serial, bounding_box=box, properties=properties)
 
 
 @app.command("import")
