@@ -13,7 +13,7 @@ from nena_shared.fleet_api.reasons import CodedReason
 from nena_shared.fleet_api.service_status import ServiceStatus
 from nena_shared.fleet_api.stops import StopStatus
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
-from nena_shared.fleet_api.transport_order import Hold, TransportOrderState
+from nena_shared.fleet_api.transport_order import Hold, OrderOutcome, TransportOrderState
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.messages import MessageKind
 from nena_status_aggregator.fleet.model import FleetModel
@@ -85,9 +85,6 @@ WARNED: dict[str, Any] = {"errors": ({"error_type": "dirtyLens", "error_level": 
 LOST: dict[str, Any] = {
     "mobile_robot_position": {"x": 1.0, "y": 1.0, "theta": 0.0, "map_id": "hall", "localized": False}
 }
-WITHDRAWN = coded("withdrawn", coded("withdrawn_at_panel"))
-IN_TIME = coded("withdrawn", coded("not_done_since_creation", limit=60))
-GAVE_WAY = coded("withdrawn", coded("gives_way", order="T-2"))
 NEEDED = coded("idle", coded("must_recharge", level=30))
 ON_THE_WAY: dict[str, Any] = {"processing_vehicle": "Charges", "type": "Charge"}
 S = TransportOrderState
@@ -191,9 +188,9 @@ OWN: tuple[Condition, ...] = (
     ),
     Condition("circle", lambda s: circle(s, "Left", "Right"), ("circle:Left, Right",), robots=2),
     Condition("order failed", failed("Failed"), ("order_failed:Failed",)),
-    Condition("order out of time", failed("Timeout", coded_reason=IN_TIME), ("order_failed:Timeout",)),
-    Condition("order withdrawn", failed("Withdrawn", coded_reason=WITHDRAWN), ()),
-    Condition("order gave way", failed("Parking", coded_reason=GAVE_WAY), ()),
+    Condition("order out of time", failed("Timeout", outcome=OrderOutcome.FAILED), ("order_failed:Timeout",)),
+    Condition("order withdrawn", failed("Withdrawn", outcome=OrderOutcome.WITHDRAWN), ()),
+    Condition("order gave way", failed("Parking", outcome=OrderOutcome.GAVE_WAY), ()),
     Condition("automatic order failed", failed("Park-1", automatic=True), ()),
     Condition(
         "order nowhere", lambda s: s.order("Nowhere", S.UNROUTABLE, finished=s.now), ("order_failed:Nowhere",)

@@ -11,8 +11,7 @@ from urllib.parse import urlsplit
 import pytest
 from playwright.async_api import Browser, Page, Route, expect
 
-from nena_shared.fleet_api.reasons import CodedReason
-from nena_shared.fleet_api.transport_order import Hold, TransportOrderState
+from nena_shared.fleet_api.transport_order import Hold, OrderOutcome, TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.broker import free_port
 from support.fleet_examples import connection, position, power, state, vehicle_status
@@ -178,17 +177,18 @@ async def test_tabs_are_switched_by_keyboard(hall: Hall, browser: Browser) -> No
             await picture(page, "orders")
 
 
-async def test_an_order_that_gave_way_is_not_among_the_failed(hall: Hall, browser: Browser) -> None:
-    gave_way = CodedReason(
-        code="withdrawn", causes=(CodedReason(code="gives_way", values={"order": "TO-2"}),)
-    )
+async def test_orders_that_gave_way_or_were_withdrawn_are_not_among_the_failed(
+    hall: Hall, browser: Browser
+) -> None:
     async with hall.connected():
-        hall.publish_order(1, TransportOrderState.FAILED, "Park-1", coded_reason=gave_way)
+        hall.publish_order(1, TransportOrderState.FAILED, "Park-1", outcome=OrderOutcome.GAVE_WAY)
+        hall.publish_order(1, TransportOrderState.FAILED, "TO-3", outcome=OrderOutcome.WITHDRAWN)
         hall.publish_order(1, TransportOrderState.FAILED, "TO-2")
         async with opened(browser, f"{hall.url}#/?tab=orders") as page:
             await page.get_by_role("button", name="Failed 1").click()
             await expect(page.locator("tr[data-order='TO-2']")).to_be_visible()
-            await expect(page.locator("tr[data-order='Park-1']")).to_have_count(0)
+            for other in ("Park-1", "TO-3"):
+                await expect(page.locator(f"tr[data-order='{other}']")).to_have_count(0)
 
 
 async def test_columns_are_chosen_and_stored(hall: Hall, browser: Browser) -> None:

@@ -82,7 +82,7 @@ async def test_figures_are_those_of_the_hand_count(hall: Hall, browser: Browser,
                 ("ACME/r2", "52 %", "0 % (0 s)", "3 min", "0.01 km", "1, from 30 %"),
                 ("ACME/r3", "100 %"),
                 ("ACME/r2", "Error", "orderError", "Critical", "2"),
-                ("Vehicle-2", "Order failed", "Withdrawn."),
+                ("Vehicle-2", "Order failed", "Wheel lost."),
             ):
                 row = rows
                 for text in texts:

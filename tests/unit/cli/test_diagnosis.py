@@ -9,11 +9,15 @@ from nena_cli.diagnosis import explain_order, explain_vehicle, report_of, with_s
 from nena_client import ServiceState
 from nena_shared.fleet_api.stops import StopStatus
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
-from nena_shared.fleet_api.transport_order import Hold, TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.transport_order import (
+    Hold,
+    OrderOutcome,
+    TransportOrderState,
+    TransportOrderStatus,
+)
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 
 NOW = datetime(2026, 1, 1, 12, tzinfo=UTC)
-GAVE_WAY = {"code": "withdrawn", "causes": [{"code": "gives_way", "values": {"order": "T-2"}}]}
 
 
 def vehicle(
@@ -120,7 +124,8 @@ def test_orders_that_need_a_person() -> None:
     hold = Hold(by="Ann", reason="tea", since=NOW)
     orders = [
         order("recent", TransportOrderState.FAILED, finished=NOW - timedelta(minutes=59)),
-        order("parking", TransportOrderState.FAILED, finished=NOW, coded_reason=GAVE_WAY),
+        order("parking", TransportOrderState.FAILED, finished=NOW, outcome=OrderOutcome.GAVE_WAY),
+        order("not-wanted", TransportOrderState.FAILED, finished=NOW, outcome=OrderOutcome.WITHDRAWN),
         order("old", TransportOrderState.FAILED, finished=NOW - timedelta(minutes=61)),
         order("nowhere", TransportOrderState.UNROUTABLE, finished=NOW),
         order("held", TransportOrderState.ACTIVE, held=hold),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from enum import StrEnum
 from math import pi
-from typing import Annotated, Final, Self
+from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, StrictBool, model_validator
 
@@ -19,7 +19,7 @@ from nena_shared.fleet_api.base import (
     Traceparent,
 )
 from nena_shared.fleet_api.peripherals import StepOperation
-from nena_shared.fleet_api.reasons import OptionalReason, ReasonCode
+from nena_shared.fleet_api.reasons import OptionalReason
 from nena_shared.fleet_api.vehicle import ANY_TYPE, OrderType
 
 
@@ -109,6 +109,24 @@ class TransportOrderState(StrEnum):
             TransportOrderState.FAILED,
             TransportOrderState.UNROUTABLE,
         )
+
+
+class OrderOutcome(StrEnum):
+    """How a transport order ended: withdrawals are apart from failures, while openTCS calls both FAILED."""
+
+    FINISHED = "FINISHED"
+    FAILED = "FAILED"
+    """A robot, a device, a timeout or a dependency failed it."""
+    UNROUTABLE = "UNROUTABLE"
+    WITHDRAWN = "WITHDRAWN"
+    """A person or host withdrew it."""
+    GAVE_WAY = "GAVE_WAY"
+    """The order service dropped it because its vehicle was needed for another order, and nothing failed."""
+
+    @property
+    def failure(self) -> bool:
+        """Whether the order was not executed although it was wanted."""
+        return self in (OrderOutcome.FAILED, OrderOutcome.UNROUTABLE)
 
 
 class DependencyFailure(StrEnum):
@@ -257,10 +275,6 @@ class HistoryEntry(Resource):
     """The last supplement as a code, if it is a reason."""
 
 
-GAVE_WAY: Final = frozenset({ReasonCode.GIVES_WAY, ReasonCode.RELEASED, ReasonCode.BASE_FINISHED})
-"""Causes of the end of an order that was dropped for another one; with others, something has failed, too."""
-
-
 class TransportOrderStatus(Resource):
     """State of a transport order."""
 
@@ -292,6 +306,8 @@ class TransportOrderStatus(Resource):
     wrapping_sequence: str | None = None
     created: Moment
     finished: Moment | None = None
+    outcome: OrderOutcome | None = None
+    """How it ended; None: it has not ended, or ended in a version without outcomes."""
     on_failure: FailurePolicy | None = None
     timeout: float | None = None
     processing_timeout: float | None = None
@@ -308,10 +324,9 @@ class TransportOrderStatus(Resource):
     history: tuple[HistoryEntry, ...] = ()
 
     @property
-    def gave_way(self) -> bool:
-        """Whether it was dropped for another order, as drives to parking places are, and nothing failed."""
-        codes = [cause.code for cause in self.coded_reason.causes] if self.coded_reason else []
-        return ReasonCode.GIVES_WAY in codes and GAVE_WAY.issuperset(codes)
+    def ended_as(self) -> OrderOutcome | None:
+        """How it ended, by its state if it ended in a version without outcomes; None: it has not ended."""
+        return self.outcome or (OrderOutcome(self.state) if self.state.final else None)
 
 
 class Problem(Resource):

@@ -66,8 +66,8 @@ async def test_orders_are_counted_by_state_and_by_what_they_wait_for(client: htt
     assert after["nena_order_service_waiting cause=vehicle"] == 1
     assert after["nena_order_service_waiting cause=hold"] == 1
     assert after["nena_order_service_orders_created_total"] == 3
-    assert after["nena_order_service_orders_ended_total state=FAILED"] == 1
-    assert after["nena_order_service_order_duration_seconds_count state=FAILED"] == 1
+    assert after["nena_order_service_orders_ended_total state=WITHDRAWN"] == 1
+    assert after["nena_order_service_order_duration_seconds_count state=WITHDRAWN"] == 1
     assert after["nena_order_service_order_events_total event=nena:held"] == 1
     assert after["nena_order_service_queue_oldest_seconds"] > 0
     assert after["nena_order_service_commits_total"] > before["nena_order_service_commits_total"]

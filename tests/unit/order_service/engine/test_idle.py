@@ -12,6 +12,7 @@ from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.idle import DISPLACES_AT_MOST
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.vehicles.parking import BARRED
+from nena_shared.fleet_api.transport_order import OrderOutcome
 from nena_shared.fleet_api.transport_order import TransportOrderState as S
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from nena_shared.plant_terms import PointType
@@ -104,7 +105,8 @@ async def test_parking_gives_way_to_a_waiting_order() -> None:
     assert fleet.cancelled == []
 
     fleet.finish("V1")
-    assert engine.state.orders.get(park.number).state is S.FAILED
+    ended = engine.state.orders.get(park.number)
+    assert (ended.state, ended.status.outcome) == (S.FAILED, OrderOutcome.GAVE_WAY)
     assert [vda_order.order_id for _, vda_order in fleet.sent][-1] == "T-0"
 
 

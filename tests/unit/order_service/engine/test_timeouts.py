@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import timedelta
 
 from nena_order_service.engine.engine import Engine
-from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.transport_order import OrderOutcome, TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
@@ -40,6 +40,7 @@ async def test_an_order_that_takes_too_long_is_cancelled_at_the_robot() -> None:
     assert status_of(engine).reason == (
         "withdrawn: timeout: not done within 60 s of its creation; the vehicle has released it"
     )
+    assert status_of(engine).outcome is OrderOutcome.FAILED, "nobody wanted its end"
 
 
 async def test_an_order_is_late_only_after_its_deadline() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from nena_order_service.engine.engine import Engine
+from nena_shared.fleet_api.transport_order import OrderOutcome
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
@@ -28,6 +29,12 @@ def reason(engine: Engine, number: int) -> str:
     return f"{order.state}: {order.status.reason}"
 
 
+def outcome(engine: Engine, number: int) -> OrderOutcome | None:
+    order = engine.state.orders.visible(number)
+    assert order
+    return order.status.outcome
+
+
 async def test_an_immediate_withdrawal_overrides_a_gentle_one() -> None:
     engine, fleet, number = await make()
     engine.withdraw(number, "not wanted", immediate=False)
@@ -38,6 +45,7 @@ async def test_an_immediate_withdrawal_overrides_a_gentle_one() -> None:
     fleet.confirm_cancel("V1")
 
     assert reason(engine, number) == "FAILED: withdrawn: not wanted; the vehicle has released it"
+    assert outcome(engine, number) is OrderOutcome.WITHDRAWN
 
 
 async def test_a_failed_withdrawn_order_is_not_retried() -> None:
@@ -46,6 +54,7 @@ async def test_a_failed_withdrawn_order_is_not_retried() -> None:
     fleet.fail("V1")
 
     assert reason(engine, number) == "FAILED: withdrawn: not wanted; wheel lost: FATAL wheel"
+    assert outcome(engine, number) is OrderOutcome.WITHDRAWN, "the robot's failure is told by the robot"
     assert len(fleet.sent) == 1
 
 

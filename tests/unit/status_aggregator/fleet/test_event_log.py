@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from nena_shared.fleet_api.reasons import CodedReason
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
-from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.transport_order import OrderOutcome, TransportOrderState
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.events import Code, Event, Outcome
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
@@ -140,7 +139,7 @@ def test_end_of_a_transport_order_has_what_reports_need() -> None:
         "TO-1": {"deadline": at(100).utc, "late": False},
         "TO-2": {"deadline": at(50).utc, "late": True},
         "TO-3": {"automatic": True},
-        "TO-4": {"coded_reason": CodedReason(code="withdrawn", causes=(CodedReason(code="gives_way"),))},
+        "TO-4": {"outcome": OrderOutcome.WITHDRAWN},
     }
     for name, fields in ends.items():
         recorded.model.on_order_status(order_status(name), at(0))
@@ -148,11 +147,11 @@ def test_end_of_a_transport_order_has_what_reports_need() -> None:
         done = order_status(name, 2, TransportOrderState.FINISHED, finished=at(61.5).utc, **fields)
         recorded.model.on_order_status(done, at(62))
     found = [each.values for each in recorded.published if each.values.get("state") == "FINISHED"]
-    assert [(each["leadTime"], each["late"], each["automatic"], each["gaveWay"]) for each in found] == [
-        (61.5, False, False, False),
-        (61.5, True, False, False),
-        (61.5, None, True, False),
-        (61.5, None, False, True),
+    assert [(each["leadTime"], each["late"], each["automatic"], each["outcome"]) for each in found] == [
+        (61.5, False, False, "FINISHED"),
+        (61.5, True, False, "FINISHED"),
+        (61.5, None, True, "FINISHED"),
+        (61.5, None, False, "WITHDRAWN"),
     ]
 
 

@@ -2,8 +2,7 @@ from __future__ import annotations
 
 from datetime import timedelta
 
-from nena_shared.fleet_api.reasons import CodedReason
-from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.transport_order import OrderOutcome, TransportOrderState
 from nena_shared.histogram import Histogram
 from nena_status_aggregator.fleet.statistics import (
     DURATION_BOUNDS,
@@ -42,13 +41,8 @@ def test_an_end_is_counted_with_its_duration() -> None:
     assert statistics.order_durations["FINISHED"].total == 42
 
 
-def test_an_order_that_gave_way_is_no_failure() -> None:
+def test_orders_that_were_withdrawn_or_gave_way_are_no_failures() -> None:
     statistics = Statistics()
-    given_up = CodedReason(code="withdrawn", causes=(CodedReason(code="gives_way"),))
-    by_a_person = CodedReason(code="withdrawn", causes=(CodedReason(code="said", values={"text": "broken"}),))
-    broken = CodedReason(
-        code="withdrawn", causes=(CodedReason(code="gives_way"), CodedReason(code="details"))
-    )
-    for reason in (given_up, by_a_person, broken):
-        statistics.count_ended_order(order_status(state=TransportOrderState.FAILED, coded_reason=reason))
-    assert statistics.orders_ended == {"FAILED": 2}
+    for outcome in (OrderOutcome.GAVE_WAY, OrderOutcome.WITHDRAWN, OrderOutcome.FAILED, None):
+        statistics.count_ended_order(order_status(state=TransportOrderState.FAILED, outcome=outcome))
+    assert statistics.orders_ended == {"WITHDRAWN": 1, "FAILED": 2}

@@ -289,8 +289,8 @@ def _of_order(order: TransportOrderStatus, now: datetime) -> Attention | None:
     recent = order.finished is not None and now - order.finished <= RECENT
     if order.held:
         state, advice = "HELD", f"nena orders resume {order.name}"
-    elif order.state in UNDONE and recent and not order.gave_way:
-        state, advice = order.state.value, f"nena orders show {order.name}"
+    elif order.ended_as and order.ended_as.failure and recent:
+        state, advice = order.ended_as.value, f"nena orders show {order.name}"
     elif order.late and not order.state.final:
         state, advice = "LATE", f"nena explain {order.name}"
     else:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from datetime import datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
 
 from nena_cli.styled import Table
-from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.transport_order import OrderOutcome, TransportOrderState
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.fleet_api.wait_chains import WaitChain, chain_from, wait_chains
 
@@ -30,10 +30,11 @@ if TYPE_CHECKING:  # a command needs few of them
     )
     from nena_shared.fleet_api.vehicle import ReroutingAnswer, VehicleStatus
 
-STATE_STYLES = {
-    TransportOrderState.FINISHED: "green",
-    TransportOrderState.FAILED: "red",
-    TransportOrderState.UNROUTABLE: "red",
+STATE_STYLES: Final[dict[TransportOrderState | OrderOutcome, str]] = {
+    OrderOutcome.FINISHED: "green",
+    OrderOutcome.FAILED: "red",
+    OrderOutcome.UNROUTABLE: "red",
+    OrderOutcome.GAVE_WAY: "dim",
     TransportOrderState.WITHDRAWN: "yellow",
     TransportOrderState.BEING_PROCESSED: "cyan",
 }
@@ -436,8 +437,9 @@ def instant_action_table(vehicle: str, done: InstantActionAnswer) -> Table:
 
 
 def _state_text(order: TransportOrderStatus) -> Text:
-    style = STATE_STYLES.get(order.state, "")
-    return Text(f"{order.state} (held)", style="yellow") if order.held else Text(order.state, style=style)
+    state = order.ended_as or order.state
+    style = STATE_STYLES.get(state, "")
+    return Text(f"{state} (held)", style="yellow") if order.held else Text(state, style=style)
 
 
 def _vehicle_of(status: TransportOrderStatus | OrderSequenceStatus) -> str:

@@ -23,7 +23,7 @@ from nena_order_service.settings import DISTRIBUTION
 from nena_order_service.store.store import Store
 from nena_shared.certificates import Certificates
 from nena_shared.fleet_api.peripherals import PeripheralJobState, PeripheralState
-from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.transport_order import OrderOutcome, TransportOrderState
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleState
 from nena_shared.loop_lag import LoopLag
 from nena_shared.metrics import (
@@ -149,7 +149,7 @@ ORDERS: Final[Section[Monitored]] = Section(
         ),
         counter(
             "nena_order_service_orders_ended_total",
-            "Orders that ended.",
+            "Orders that ended, by their outcome.",
             lambda s: s.engine.state.orders.statistics.ended,
             "state",
         ),
@@ -194,13 +194,15 @@ ORDERS: Final[Section[Monitored]] = Section(
         ),
         histogram(
             "nena_order_service_order_duration_seconds",
-            "Time from an order's creation to its end.",
+            "Time from an order's creation to its end, by its outcome.",
             lambda s: s.engine.state.orders.statistics.durations,
             "state",
         ),
     ),
     "`state` is the openTCS state: "
     + _list_values(TransportOrderState)
+    + " Ended orders have their outcome instead: "
+    + _list_values(OrderOutcome)
     + " The codes of `event` are those of [order-service.md](order-service.md).",
 )
 

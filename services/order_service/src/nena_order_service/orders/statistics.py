@@ -6,7 +6,7 @@ from enum import StrEnum
 from typing import Final
 
 from nena_order_service.orders.transport_order import EventCode, TransportOrder
-from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.transport_order import OrderOutcome, TransportOrderState
 from nena_shared.histogram import LONG, Histogram
 
 S = TransportOrderState
@@ -45,15 +45,15 @@ class OrderStatistics:
     def __init__(self) -> None:
         self.present = {state: 0 for state in TransportOrderState if not state.final}
         self.waits = dict.fromkeys(Wait, 0)
-        self.ended = {state: 0 for state in TransportOrderState if state.final}
+        self.ended = dict.fromkeys(OrderOutcome, 0)
         self.created = 0
         self.late = 0
         self.events = dict.fromkeys((code.value for code in EventCode), 0)
         """Number of history entries by event code."""
         self.assignment = Histogram(LONG)
         """Seconds from creation to first assignment."""
-        self.durations = {state: Histogram(LONG) for state in TransportOrderState if state.final}
-        """Seconds from creation to end, by final state."""
+        self.durations = {outcome: Histogram(LONG) for outcome in OrderOutcome}
+        """Seconds from creation to end, by outcome."""
 
     def loaded(self, order: TransportOrder) -> None:
         """Count an order from before the restart in its current state."""
@@ -70,10 +70,10 @@ class OrderStatistics:
         self.late += status.late and not (was and was.late)
         if status.assigned and not (was and was.assigned):
             self.assignment.observe((status.assigned - status.created).total_seconds())
-        if status.state.final and not (was and was.state.final):
-            self.ended[status.state] += 1
+        if (outcome := status.outcome) and not (was and was.state.final):
+            self.ended[outcome] += 1
             if status.finished:
-                self.durations[status.state].observe((status.finished - status.created).total_seconds())
+                self.durations[outcome].observe((status.finished - status.created).total_seconds())
 
     def _count_change(self, before: TransportOrder | None, order: TransportOrder) -> None:
         for version, step in ((before, -1), (order, 1)):

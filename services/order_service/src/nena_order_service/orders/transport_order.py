@@ -16,6 +16,7 @@ from nena_shared.fleet_api.transport_order import (
     DriveOrderStatus,
     HistoryEntry,
     Hold,
+    OrderOutcome,
     TransportOrderRequest,
     TransportOrderState,
     TransportOrderStatus,
@@ -90,6 +91,17 @@ REQUEST_FIELDS = (
 
 A repeated request has all of these again, but usually another ``traceparent``.
 """
+
+OWN_WITHDRAWALS = {
+    R.GIVES_WAY: OrderOutcome.GAVE_WAY,
+    R.NOT_STARTED: OrderOutcome.GAVE_WAY,
+    R.NOT_DONE_SINCE_CREATION: OrderOutcome.FAILED,
+    R.NOT_DONE_SINCE_ASSIGNMENT: OrderOutcome.FAILED,
+}
+"""Reasons for which the order service itself withdraws orders, and how these end."""
+
+HARMLESS = frozenset({*OWN_WITHDRAWALS, R.RELEASED, R.BASE_FINISHED})
+"""Causes of the end of an order that gave way; with others, something has failed, too."""
 
 Urgency = tuple[int, float, int]
 """Lower is more urgent; the last element is the order's number."""
@@ -506,8 +518,25 @@ class TransportOrder:
         deadline = self.status.deadline
         late = self.status.late or (deadline is not None and deadline < now)
         return self._move_to(
-            state, reason, entry, finished=now, late=late, held=None, next_try=None, **changes
+            state,
+            reason,
+            entry,
+            finished=now,
+            outcome=self._outcome_in(state, reason),
+            late=late,
+            held=None,
+            next_try=None,
+            **changes,
         )
+
+    def _outcome_in(self, state: TransportOrderState, reason: Reason) -> OrderOutcome:
+        """Return the outcome of an order that ends in a final state."""
+        if state is not S.FAILED or not is_withdrawn(self.status):
+            return OrderOutcome(state)
+        outcome = OWN_WITHDRAWALS.get(why_withdrawn(self.status).code, OrderOutcome.WITHDRAWN)
+        if outcome is OrderOutcome.GAVE_WAY and any(each.code not in HARMLESS for each in reason.causes):
+            return OrderOutcome.FAILED
+        return outcome
 
     def _move_to(
         self,
@@ -546,6 +575,11 @@ class TransportOrder:
             supplements=tuple(map(str, supplements)),
             coded_reason=last.coded if isinstance(last, Reason) else None,
         )
+
+
+def is_withdrawn(status: TransportOrderStatus) -> bool:
+    """Return whether a withdrawal of an order was requested."""
+    return any(entry.event_code == EventCode.WITHDRAWAL_REQUESTED for entry in status.history)
 
 
 def why_withdrawn(status: TransportOrderStatus) -> Reason:

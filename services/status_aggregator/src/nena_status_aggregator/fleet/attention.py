@@ -11,7 +11,7 @@ from typing import Final
 
 from nena_shared.fleet_api.attention import ADVICE, Acknowledgement, Matter, MatterKind
 from nena_shared.fleet_api.reasons import CodedReason, ReasonCode
-from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.fleet_api.wait_chains import WaitChain
 from nena_shared.mqtt.broker_check import LACKS
@@ -58,15 +58,6 @@ FAILED_FOR: Final = timedelta(hours=8)
 
 SHOWN: Final = 20
 """Maximum number of names of robots and orders that a matter holds up."""
-
-WITHDRAWN: Final = (ReasonCode.WITHDRAWN, ReasonCode.WITHDRAWN_UNSENT)
-BY_PEOPLE: Final = (
-    ReasonCode.WORDS,
-    ReasonCode.WITHDRAWN_BY_HOST,
-    ReasonCode.WITHDRAWN_AT_PANEL,
-    ReasonCode.LEVEL_SET,
-)
-"""Causes of a withdrawal that somebody wanted, other than a timeout."""
 
 
 @dataclass(slots=True)
@@ -240,13 +231,11 @@ def _codes_in(reason: CodedReason) -> Iterator[str]:
 
 
 def _of_order(order: TransportOrderStatus, fleet: Fleet) -> Matter | None:
-    if order.state in (TransportOrderState.FAILED, TransportOrderState.UNROUTABLE):
+    if outcome := order.ended_as:
         old = order.finished is not None and fleet.at.utc - order.finished > FAILED_FOR
-        if old or order.automatic or order.gave_way or _is_withdrawn(order):
+        if old or order.automatic or not outcome.failure:
             return None
         return fleet.matter(MatterKind.ORDER_FAILED, order.name, order.reason, since=order.finished)
-    if order.state.final:
-        return None
     robots = [order.processing_vehicle] if order.processing_vehicle else []
     if order.held:
         text = f"Held by {order.held.by}: {order.held.reason}"
@@ -258,12 +247,6 @@ def _of_order(order: TransportOrderStatus, fleet: Fleet) -> Matter | None:
         kind = MatterKind.ORDER_LATE
         return fleet.matter(kind, order.name, order.reason, since=order.deadline, orders=[order.name])
     return None
-
-
-def _is_withdrawn(order: TransportOrderStatus) -> bool:
-    """Return whether a host or a person has withdrawn it: then nothing has failed."""
-    reason = order.coded_reason
-    return bool(reason and reason.code in WITHDRAWN and reason.causes and reason.causes[0].code in BY_PEOPLE)
 
 
 class AttentionRegistry:

@@ -111,7 +111,7 @@ class EventLog:
                 "leadTime": None if seconds is None else max(0.0, seconds),
                 "late": now.late if now.deadline else None,
                 "automatic": now.automatic,
-                "gaveWay": now.gave_way,
+                "outcome": now.ended_as,
             }
         text = f"{now.state}: {values['reason']}"
         self._publish(Event(at.utc, Code.TRANSPORT_ORDER, text, order=now.name, values=values))

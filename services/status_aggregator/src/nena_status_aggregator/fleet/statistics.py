@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.fleet_api.transport_order import OrderOutcome, TransportOrderStatus
 from nena_shared.histogram import Histogram
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.error import ErrorType
@@ -76,9 +76,9 @@ class Statistics:
         default_factory=lambda: {status: 0 for status in ActionStatus if status.ended}
     )
     orders_ended: dict[str, int] = field(default_factory=dict)
-    """By final state."""
+    """By outcome."""
     order_durations: dict[str, Histogram] = field(default_factory=dict)
-    """By final state: time from creation to end, s."""
+    """By outcome: time from creation to end, s."""
 
     def count_change(self, code: Code, values: Values) -> None:
         """Count a change between two states of a robot."""
@@ -100,10 +100,10 @@ class Statistics:
     def count_ended_order(self, order: TransportOrderStatus) -> None:
         """Count an ended transport order."""
         # A drive to a parking place, dropped for a real order, has neither failed nor succeeded.
-        if order.gave_way:
+        outcome = order.ended_as
+        if outcome in (None, OrderOutcome.GAVE_WAY):
             return
-        state = order.state.value
-        self.orders_ended[state] = self.orders_ended.get(state, 0) + 1
+        self.orders_ended[outcome] = self.orders_ended.get(outcome, 0) + 1
         if order.finished is not None:
             seconds = max(0.0, (order.finished - order.created).total_seconds())
-            self.order_durations.setdefault(state, Histogram(DURATION_BOUNDS)).observe(seconds)
+            self.order_durations.setdefault(outcome, Histogram(DURATION_BOUNDS)).observe(seconds)

@@ -361,6 +361,8 @@ def view_order(order: TrackedOrder, last_node: str | None) -> OrderView:
         "version": status.version,
         "state": status.state.value,
         "final": status.state.final,
+        "outcome": status.ended_as,
+        "automatic": status.automatic,
         "confirmed": order.confirmed,
         "reason": short(status.reason) or "",
         "codedReason": view_reason(status.coded_reason),

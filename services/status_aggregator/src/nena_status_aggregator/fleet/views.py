@@ -267,6 +267,9 @@ class OrderView(TypedDict):
     version: int
     state: str
     final: bool
+    outcome: str | None
+    """How it ended: FAILED, but also WITHDRAWN and GAVE_WAY, which are no failures."""
+    automatic: bool
     confirmed: bool
     reason: str
     codedReason: CodedReasonView | None

@@ -13,7 +13,7 @@ from typing import Final
 from nena_shared import metrics
 from nena_shared.fleet_api.attention import MatterKind
 from nena_shared.fleet_api.service_status import LOST_AFTER
-from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.transport_order import OrderOutcome, TransportOrderState
 from nena_shared.histogram import Histogram
 from nena_shared.metrics import (
     LabelValues,
@@ -93,7 +93,7 @@ def _count_orders(aggregator: Aggregator) -> Mapping[LabelValues, float]:
     return {state.value: states[state] for state in TransportOrderState}
 
 
-FINAL: Final = tuple(state.value for state in TransportOrderState if state.final)
+OUTCOMES: Final = tuple(each.value for each in OrderOutcome if each is not OrderOutcome.GAVE_WAY)
 
 
 def _writer_of(aggregator: Aggregator) -> HistoryWriter | None:
@@ -235,9 +235,10 @@ ORDERS: Final[Section[Aggregator]] = Section(
         ),
         counter(
             "nena_transport_orders_ended_total",
-            "Orders that ended while the aggregator was running, except those that gave way to another one.",
+            "Orders that ended while the aggregator was running, by their outcome, except those that gave "
+            "way to another one.",
             # From the first scrape on with 0: a rate needs a value before the first order ends.
-            lambda s: {state: s.model.statistics.orders_ended.get(state, 0) for state in FINAL},
+            lambda s: {state: s.model.statistics.orders_ended.get(state, 0) for state in OUTCOMES},
             "state",
         ),
         counter(
@@ -268,18 +269,18 @@ ORDERS: Final[Section[Aggregator]] = Section(
         ),
         histogram(
             "nena_transport_order_duration_seconds",
-            "Time from an order's creation to its end.",
+            "Time from an order's creation to its end, by its outcome.",
             lambda s: {
                 state: s.model.statistics.order_durations.get(state) or Histogram(DURATION_BOUNDS)
-                for state in FINAL
+                for state in OUTCOMES
             },
             "state",
         ),
     ),
     "`state` is the openTCS state: "
     + ", ".join(f"`{state.value}`" for state in TransportOrderState)
-    + "; ended orders have one of "
-    + ", ".join(f"`{state}`" for state in FINAL)
+    + "; ended orders are counted by their outcome: "
+    + ", ".join(f"`{outcome}`" for outcome in OUTCOMES)
     + ".",
 )
 

@@ -160,9 +160,29 @@ def test_failures(shift: Engine) -> None:
         ("action", "ACME/r1", "pick", None, 1),
         ("connection", "ACME/r3", "CONNECTION_BROKEN", None, 1),
         ("error", "ACME/r1", "batteryLow", "WARNING", 1),
-        ("order", "Vehicle-2", "Withdrawn.", None, 1),
+        ("order", "Vehicle-2", "Wheel lost.", None, 1),
         ("order", None, "No route.", None, 1),
     ]
+
+
+def test_withdrawn_orders_are_neither_failures_nor_late(engine: Engine) -> None:
+    ends = {"WMS-1": ("FAILED", "WITHDRAWN"), "WMS-2": ("FAILED", "GAVE_WAY"), "WMS-3": ("FAILED", "FAILED")}
+    database.write(
+        engine,
+        [
+            Event(
+                SIX,
+                Code.TRANSPORT_ORDER,
+                "",
+                order=name,
+                values={"state": state, "outcome": outcome, "reason": outcome, "late": True},
+            )
+            for name, (state, outcome) in ends.items()
+        ],
+    )
+    found = report(engine, SIX, SIX + timedelta(hours=1))
+    assert (found["orders"]["failed"], found["orders"]["deadlines"]) == (1, 1)
+    assert [(each["kind"], each["cause"]) for each in found["failures"]] == [("order", "FAILED")]
 
 
 def test_history_that_begins_inside_the_range(shift: Engine) -> None:

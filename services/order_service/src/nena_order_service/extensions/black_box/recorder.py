@@ -12,7 +12,7 @@ from nena_order_service.orders.transport_order import EventCode
 from nena_shared.clock import Clock
 from nena_shared.extensions.black_box.box import BlackBox
 from nena_shared.extensions.black_box.ring import Channel
-from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.transport_order import OrderOutcome, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.vda5050.state import EmergencyStop, State
 from nena_shared.vda5050.topics import RobotKey, Topic
@@ -93,7 +93,9 @@ class DecisionRecorder:
         route = self._record_route(status, last.route if last else None)
         if not status.state.final:
             self._orders[status.name] = _RecordedOrder(status, route)
-        elif _has_failed(status):
+        elif status.outcome is OrderOutcome.UNROUTABLE or (
+            status.outcome is OrderOutcome.FAILED and status.processing_vehicle
+        ):
             self._box.fail(ORDER_FAILED)
 
     def vehicle_changed(self, status: VehicleStatus) -> None:
@@ -186,13 +188,3 @@ class DecisionRecorder:
     def _add_decision(self, channel: Channel, decision: Mapping[str, object]) -> None:
         """Record a decision; fields without a value are left out of the file."""
         self._box.ring.add(channel, decision, self._clock.monotonic())
-
-
-def _has_failed(status: TransportOrderStatus) -> bool:
-    """Return whether an ended order failed without being withdrawn."""
-    if status.state is TransportOrderState.UNROUTABLE:
-        return True
-    withdrawn = any(entry.event_code == EventCode.WITHDRAWAL_REQUESTED for entry in status.history)
-    return (
-        status.state is TransportOrderState.FAILED and status.processing_vehicle is not None and not withdrawn
-    )

@@ -34,7 +34,7 @@ from sqlalchemy import (
     union_all,
 )
 
-from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.transport_order import OrderOutcome, TransportOrderState
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
 from nena_status_aggregator.extensions.reports.report import (
@@ -91,6 +91,7 @@ CODES = tuple(
 """Events that a report reads."""
 
 FINAL = tuple(state.value for state in TransportOrderState if state.final)
+NO_FAILURE = (OrderOutcome.WITHDRAWN.value, OrderOutcome.GAVE_WAY.value)
 NOT_FINISHED = tuple(state for state in FINAL if state != TransportOrderState.FINISHED)
 
 NUL_IN_JSON = "\\u0000"
@@ -446,7 +447,7 @@ def _round_value(value: float | None) -> float | None:
 def _ended_orders(period: Period) -> Subquery:
     """Return the orders that ended in the range, each once.
 
-    Parking, recharging and orders that gave way to another one are left out.
+    Parking, recharging, and orders that were withdrawn or gave way to another one are left out.
     """
     table, values = event_table.c, period.values
     events = (
@@ -461,6 +462,7 @@ def _ended_orders(period: Period) -> Subquery:
             values.number("leadTime").label("lead"),
             values.truth("late").label("late"),
             values.truth("automatic").label("automatic"),
+            values.text("outcome").label("outcome"),
             values.truth("gaveWay").label("gave_way"),
         )
         .where(period.has_codes(Code.TRANSPORT_ORDER.value))
@@ -470,7 +472,11 @@ def _ended_orders(period: Period) -> Subquery:
     ends = (
         select(events, repetition.label("repetition"))
         .where(events.c.state.in_(FINAL), func.coalesce(events.c.before, "").not_in(FINAL))
-        .where(func.coalesce(events.c.automatic, 0) == 0, func.coalesce(events.c.gave_way, 0) == 0)
+        .where(
+            func.coalesce(events.c.automatic, 0) == 0,
+            func.coalesce(events.c.outcome, "").not_in(NO_FAILURE),
+            func.coalesce(events.c.gave_way, 0) == 0,  # events of earlier releases have no outcome
+        )
         .subquery("ends")
     )
     return select(ends).where(ends.c.repetition == 1).subquery("orders")

@@ -45,7 +45,7 @@ class HourFigures(TypedDict):
 
 
 class OrderFigures(TypedDict):
-    """Transport orders that ended, without parking and recharging."""
+    """Transport orders that ended, without parking, recharging and withdrawn ones."""
 
     finished: int
     failed: int

@@ -2,6 +2,7 @@
 
 import { element, foreign, verbatim } from "./dom.js";
 import { conditionText, nameOf, reasonOf } from "./explanations.js";
+import { shownState } from "./fleet.js";
 import { chosenLanguage, fillable, plural, t } from "./i18n.js";
 import { worded } from "./reasons.js";
 
@@ -31,7 +32,7 @@ const PARTS = {
   operatingMode: ({ mode }) => ({ text: t(`mode.${mode}`) }),
   orderEnded: ({ orderId, outcome }) => ({ name: nameOf(orderId), text: t(`eventLog.orderEnded.${outcome}`) }),
   orderTaken: ({ orderId }) => ({ name: nameOf(orderId) }),
-  transportOrder: ({ state, reason, codedReason }) => (reason === undefined ? null : withReason(t(`state.${state}`), { reason, codedReason })),
+  transportOrder: (values) => (values.reason === undefined ? null : withReason(t(`state.${shownState(values)}`), values)),
 };
 
 function condition(values) {

@@ -2,17 +2,17 @@
 
 import { ask, command } from "./api.js";
 
-/** Return the state to show; HELD for an order on hold. */
+const FAILURES = ["FAILED", "UNROUTABLE"];
+
+/** Return the state to show; HELD for an order on hold, WAS_WITHDRAWN and GAVE_WAY for FAILED ones that are no failures. */
 export function shownState(order) {
-  return order.held && !order.final ? "HELD" : order.state;
+  if (order.outcome) return order.outcome === "WITHDRAWN" ? "WAS_WITHDRAWN" : order.outcome;
+  return order.held ? "HELD" : order.state;
 }
 
-const GAVE_WAY = ["gives_way", "released", "base_finished"];
-
-/** Return whether an order was dropped for another one, as drives to parking places are, and nothing failed. */
-export function gaveWay({ codedReason }) {
-  const codes = (codedReason?.causes ?? []).map(({ code }) => code);
-  return codes.includes("gives_way") && codes.every((code) => GAVE_WAY.includes(code));
+/** Return whether an order has ended in a failure. */
+export function hasFailed({ outcome }) {
+  return FAILURES.includes(outcome);
 }
 
 /** Return the job that a device executes, else the first one that waits for it; undefined if it has none. */

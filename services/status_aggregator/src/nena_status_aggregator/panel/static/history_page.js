@@ -2,6 +2,7 @@
 
 import { button, element, field, refill, refillSelect, select, setAttribute, setText, verbatim } from "./dom.js";
 import { details } from "./event_texts.js";
+import { hasFailed } from "./fleet.js";
 import { byName, dateAndTime, fieldTime, number, plural, t } from "./i18n.js";
 import { ORDER_SERVICE } from "./recordings.js";
 import { backLink, parameters, setParameters } from "./router.js";
@@ -112,7 +113,7 @@ const PROBLEMS = {
   historyGap: () => true,
   link: ({ connected }) => !connected,
   orderEnded: ({ outcome }) => outcome === "abandoned",
-  transportOrder: ({ state, gaveWay }) => ["FAILED", "UNROUTABLE"].includes(state) && !gaveWay,
+  transportOrder: ({ state, outcome, gaveWay }) => hasFailed({ outcome: outcome ?? state }) && !gaveWay, // older events: gaveWay
 };
 
 // Whether an entry fits the chosen filters.

@@ -2,7 +2,7 @@
 
 import { element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "./dom.js";
 import { conditionText, filterOf, isOfOrderService, orderOf, reasonOf, statusOfOrder } from "./explanations.js";
-import { gaveWay, shownState } from "./fleet.js";
+import { hasFailed, shownState } from "./fleet.js";
 import { age, byName, dateAndTime, number, plural, t } from "./i18n.js";
 import { LiveTable, cell, filterChip, matches } from "./live_table.js";
 import { nameAndState } from "./peripherals.js";
@@ -282,7 +282,7 @@ class OrderTable extends LiveTable {
 const SHOWN = {
   open: (order) => !order.final,
   held: (order) => shownState(order) === "HELD",
-  failed: (order) => ["FAILED", "UNROUTABLE"].includes(order.state) && !gaveWay(order),
+  failed: hasFailed,
   finished: (order) => order.state === "FINISHED",
 };
 
