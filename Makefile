@@ -128,8 +128,8 @@ soak-cores: $(STAMP) broker ## property tests of the cores with many more exampl
 	NENA_EXAMPLES=100000 NENA_MESSAGES=2000 NENA_PLANTS=400 NENA_ENGINE_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 NENA_ORDER_KILLS=50 $(BIN)/pytest --long -n $(WORKERS) --timeout 7200 $(SOAK)
 
 # Cut network links and full disks need root; without it these tests are skipped with a message.
-faults: $(STAMP) broker ## inject every kind of fault into a working site, about half an hour; writes docs/recovery.md
-	rm -f build/recovery.jsonl
+faults: $(STAMP) broker ## inject every kind of fault into a working site, about three quarters of an hour; writes docs/recovery.md
+	rm -f build/recovery.jsonl build/standstill.jsonl
 	NENA_FAULTS=3 $(BIN)/pytest tests/faults --long --timeout 3600
 	PYTHONPATH=tests $(BIN)/python -m faults.table
 

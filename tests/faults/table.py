@@ -7,12 +7,15 @@ from itertools import groupby
 from pathlib import Path
 from statistics import median
 
+from faults import standstill
 from faults.footprint import Footprint
 from faults.recovery import FILE, Record, read_all
 from support.markdown import row
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "recovery.md"
 INTRODUCTION = Path(__file__).with_name("introduction.md")
+STANDSTILLS = Path(__file__).with_name("standstill.md")
+HEADING = STANDSTILLS.read_text(encoding="utf-8").partition("\n")[0]
 
 
 def document(records: Iterable[Record]) -> str:
@@ -29,6 +32,14 @@ def document(records: Iterable[Record]) -> str:
     )
     parts = [INTRODUCTION.read_text(encoding="utf-8"), said, "", *_faults(found), "", *_programs(found), ""]
     return "\n".join(parts)
+
+
+def standstills(found: Iterable[standstill.Standstill]) -> Iterator[str]:
+    """Yield the section about the robot whose order is in work."""
+    yield STANDSTILLS.read_text(encoding="utf-8").rstrip("\n")
+    yield ""
+    yield from standstill.table(found)
+    yield ""
 
 
 def _failures(found: Iterable[Record]) -> str:
@@ -77,4 +88,7 @@ def _growth(pairs: list[tuple[Footprint, Footprint]]) -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    DOCUMENT.write_text(document(read_all(FILE)), encoding="utf-8")
+    written = DOCUMENT.read_text(encoding="utf-8").partition(HEADING)[0]
+    first = document(read_all(FILE)) if FILE.exists() else written.rstrip("\n") + "\n"
+    second = standstills(standstill.read_all(standstill.FILE))
+    DOCUMENT.write_text("\n".join([first, *second]), encoding="utf-8")

@@ -38,6 +38,8 @@ class Conduct:
 
     held: set[Way] = field(default_factory=set)
     """Held directions, as if the network were cut there; the data arrives once they are released."""
+    down: bool = False
+    """Whether all connections are closed, and new ones at once."""
     delay: float = 0.0
     """Delay in each direction, seconds."""
     swapped: float = 0.0
@@ -76,6 +78,9 @@ class MqttLine(BrokerAddress):
         await end(*connections)
 
     async def _connect(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if self.conduct.down:
+            writer.close()
+            return
         try:
             from_broker, to_broker = await asyncio.open_connection(self._broker.host, self._broker.port)
         except OSError:
@@ -84,6 +89,7 @@ class MqttLine(BrokerAddress):
         ways = (
             asyncio.create_task(self._carry(Way.TO_BROKER, reader, to_broker, writer)),
             asyncio.create_task(self._carry(Way.FROM_BROKER, from_broker, writer, to_broker)),
+            asyncio.create_task(self._until_down()),
         )
         try:
             await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
@@ -91,6 +97,10 @@ class MqttLine(BrokerAddress):
             await end(*ways)
             for each in (writer, to_broker):
                 each.close()
+
+    async def _until_down(self) -> None:
+        while not self.conduct.down:
+            await time_passes(HOLD_LOOK)
 
     async def _carry(
         self, way: Way, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, back: asyncio.StreamWriter

@@ -134,8 +134,9 @@ class MqttSettings(SettingsGroup):
     reconnect_min: float = Field(
         0.2, gt=0, le=600, description="Delay before the first reconnection attempt, seconds."
     )
+    # a robot stands until its link is back: a longer pause would outlast most outages of a network
     reconnect_max: float = Field(
-        10.0, gt=0, le=600, description="Maximum delay between connection attempts, seconds."
+        1.0, gt=0, le=600, description="Maximum delay between connection attempts, seconds."
     )
     outgoing_limit: int = Field(
         1000,

@@ -291,14 +291,14 @@ class Suspects:
         return None
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Subscription:
     topic_filter: str
     handler: Handler
     qos: int
     needed: bool
     ends: int = 0
-    """Number of connections that ended before this subscription was answered, alone."""
+    """Number of connections that ended before it was answered, alone or with other optional ones."""
 
 
 @dataclass(slots=True)
@@ -318,8 +318,8 @@ class _Session:
     """Number of the suspect that is in flight; nothing else is sent meanwhile. 0: none."""
     stable: bool = False
     """Whether the connection has stood for :data:`STABLE_AFTER`."""
-    subscribed: int = 0
-    """Number of the link's subscriptions sent to the broker."""
+    subscribed: set[_Subscription] = field(default_factory=set)
+    """The subscriptions sent to the broker."""
     subscribed_by_name: int = 0
     """Number of its topics subscribed to by name, after these."""
     subscribing: asyncio.Task[None] | None = None
@@ -382,7 +382,7 @@ class MqttLink:
         self._ended_alone = False
         """Whether the last connection ended while a suspect was alone in flight."""
         self._subscribes_singly = False
-        """Whether subscriptions are sent one by one, because a connection ended at them."""
+        """Whether needed subscriptions are sent one by one, because a connection ended at them."""
         self._drops_to_log = 0
         self._drops_logged_at = -DROPS_LOGGED_EVERY
         self._session: _Session | None = None
@@ -560,15 +560,17 @@ class MqttLink:
             self._subscribe_late(session)
 
     async def _send_subscriptions(self, session: _Session) -> None:
-        """Send all subscriptions not sent yet, including those added meanwhile."""
-        if session.subscribed == len(self._subscriptions):
+        """Send all subscriptions not sent yet, including those added meanwhile; needed ones first."""
+        if len(session.subscribed) == len(self._subscriptions):
             return
-        while new := self._subscriptions[session.subscribed :]:
-            new = new[:1] if self._subscribes_singly else new
-            session.subscribed += len(new)
+        while new := [each for each in self._subscriptions if each not in session.subscribed]:
+            needed = [each for each in new if each.needed]
+            if needed:
+                new = needed[:1] if self._subscribes_singly else needed
+            session.subscribed.update(new)
             # without this, an optional topic that RabbitMQ refuses would end each connection
-            if new[0].ends < ENDS or new[0].needed:
-                await self._subscribe_to(session, new)
+            if wanted := [each for each in new if each.needed or each.ends < ENDS]:
+                await self._subscribe_to(session, wanted)
         self._hooks.on_subscribed()
 
     async def _subscribe_to(self, session: _Session, new: list[_Subscription]) -> None:
@@ -576,12 +578,16 @@ class MqttLink:
         try:
             granted = await session.client.subscribe([(each.topic_filter, each.qos) for each in new])
         except MqttError as error:
-            # the broker does not say which one it refuses: the next connection sends them one by one
-            self._subscribes_singly = True
-            if len(new) > 1:
-                raise
-            new[0].ends += 1
-            text = f"{error}; the subscription is {new[0].topic_filter}: check the broker's access list"
+            # the broker does not say which one it refuses: the next connection sends needed ones one by one,
+            # and optional ones are given up together, because each trial costs a connection
+            if new[0].needed:
+                self._subscribes_singly = True
+                if len(new) > 1:
+                    raise
+            for each in new:
+                each.ends += 1
+            topics = ", ".join(each.topic_filter for each in new[:NAMES_LOGGED])
+            text = f"{error}; the subscription is to {topics}: check the broker's access list"
             raise MqttError(text) from None
         # 0x80 in MQTT 3.1.1 (3.9.3); ejabberd answers 0x8F; Mosquitto grants all, and withholds messages
         refused = [

@@ -161,10 +161,15 @@ async def test_rabbitmq_ends_the_connection_at_a_subscription_that_the_link_name
 async def test_a_program_works_without_a_subscription_that_it_does_not_need(
     rabbitmq: RabbitMq, interface_name: str
 ) -> None:
+    """Several of them cost two connections, and not two each."""
     link = MqttLink(rabbitmq.settings, client_id=interface_name)
     heard: list[str] = []
-    link.subscribe(f"{REFUSED}/{interface_name}", lambda _: None, needed=False)
+    for number in range(5):
+        link.subscribe(f"{REFUSED}/{interface_name}/{number}", lambda _: None, needed=False)
     link.subscribe(f"{interface_name}/a", lambda each: heard.append(each.topic))
-    async with running(link):
-        link.publish(Outbound(f"{interface_name}/a", b"x"))
-        await until(lambda: heard)
+    with capture_logs() as logs:
+        async with running(link):
+            link.publish(Outbound(f"{interface_name}/a", b"x"))
+            await until(lambda: heard)
+    reasons = [each["reason"] for each in logs if f"{REFUSED}/{interface_name}/4" in each.get("reason", "")]
+    assert len(reasons) == 1, "the second one is the same"

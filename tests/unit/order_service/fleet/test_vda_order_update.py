@@ -17,6 +17,7 @@ from nena_order_service.fleet.outputs import (
     VdaOrderFinished,
 )
 from nena_order_service.fleet.vda_order import BaseChangedError, VdaOrder, released_to, update_of
+from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.order import Node
 from support.fleet import Bench, make_vda_order, order_of
@@ -162,6 +163,28 @@ def test_a_lost_update_is_resent_unchanged() -> None:
     extend(bench, WHOLE)
     bench.run()
     assert len(bench.told(VdaOrderFinished)) == 1
+
+
+@pytest.mark.clause("6.1.2/confirm", "6.5/fleet")
+@pytest.mark.parametrize("will", [True, False])
+def test_an_update_lost_in_a_cut_is_resent_with_the_first_state_after_it(*, will: bool) -> None:
+    """Not with ONLINE, before which a robot may not have subscribed; brokers lose wills at takeovers."""
+    bench = started()
+    extend(bench, base(3))
+    bench.wait(7.5)
+    if will:
+        bench.connection(ConnectionState.CONNECTION_BROKEN)
+    bench.lose()
+    sendings = len(updates(bench))
+    bench.wait(1.0)
+    bench.connection(ConnectionState.ONLINE)
+    bench.tick()
+    assert len(updates(bench)) == sendings
+
+    bench.report()
+    assert len(updates(bench)) == sendings + 1
+    bench.exchange()
+    assert bench.view().order_id == "m1"
 
 
 @pytest.mark.clause("6.1.2/confirm")

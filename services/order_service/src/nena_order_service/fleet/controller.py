@@ -37,7 +37,7 @@ from nena_order_service.fleet.vda_order import VdaOrder, unique_id
 from nena_order_service.fleet.zones import ReleaseManager
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.vda5050.action import Action
-from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.state import State
@@ -71,6 +71,8 @@ class RobotControl:
         self.robot = Robot(key, settings)
         self.unasked = False
         """Whether the robot is to be asked for its state, because it may have changed unseen."""
+        self._came_online = False
+        """Whether it, or our own link, has connected since its last state: what was sent may be lost."""
         self._deviations = deviations
         self._settings = settings
         self._new_id = new_id
@@ -93,7 +95,7 @@ class RobotControl:
 
     def on_broker(self, *, connected: bool, unread: bool) -> None:
         """Note the state of our own link; for ``unread`` see :meth:`FleetController.on_broker`."""
-        self.unasked = connected
+        self.unasked = self._came_online = connected
         self._instant_actions.broker = connected
         self._instant_actions.unread = connected and unread
         self._changes += 1
@@ -101,6 +103,7 @@ class RobotControl:
 
     def on_connection(self, message: Connection, now: float) -> Iterator[FleetOutput]:
         """Handle a connection message (section 6.5)."""
+        self._came_online = message.connection_state is ConnectionState.ONLINE
         if self.robot.take_connection(message, now):
             self._instant_actions.on_reconnect()
             self.unasked = self.robot.is_reachable and (self.robot.state is None or self.robot.stale)
@@ -169,7 +172,11 @@ class RobotControl:
                 if availability.is_lost(message, placed=self.robot.placed):
                     self._run.doubt_position()
                 yield from self._run.on_state(message, now)
+                # not before its state: robots publish ONLINE before they subscribe
+                if self._came_online:
+                    self._run.hasten()
             yield from self._send_and_report(now)
+        self._came_online = False
         self._left_at = self._changes
 
     def _is_repetition(self, message: State) -> bool:
@@ -275,8 +282,8 @@ class RobotControl:
         if run.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
             return self._why_unsendable(now) is not None
         # An order that runs is extended also where a new one would be refused: in a pause, for example.
-        away = self._why_away(self.robot.link_status(now))
-        return run.phase is VdaOrderPhase.RUNNING and away is not None
+        away = self.robot.stale or self._why_away(self.robot.link_status(now)) is not None
+        return run.phase is VdaOrderPhase.RUNNING and away
 
     @property
     def vda_order(self) -> VdaOrder | None:

@@ -260,6 +260,12 @@ class OrderExecution:
         if self._pending:
             self._pending.delivery.restart()
 
+    def hasten(self) -> None:
+        """Resend soon what no state has echoed: the robot has connected since, perhaps without it."""
+        self._delivery.hasten()
+        if self._pending:
+            self._pending.delivery.hasten()
+
     def begin_cancel(self) -> Iterator[FleetOutput]:
         """Begin to cancel the VDA order (section 6.1.3); end it at once if it was never sent."""
         if self.phase is VdaOrderPhase.WAITING and not self._adopted:

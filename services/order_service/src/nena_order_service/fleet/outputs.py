@@ -60,6 +60,7 @@ class Delivery:
     in_all: int = 0
     """Number of times that it was sent in total."""
     _due_at: float = 0.0
+    _sent_at: float = 0.0
     _doubted_at: float | None = None
     """When a refusal that may be about another message was first seen."""
 
@@ -75,6 +76,7 @@ class Delivery:
         """Note that the message was sent."""
         pause = self.settings.resend_after * 2.0**self.sendings
         self._due_at = now + min(pause, self.settings.resend_at_most_after)
+        self._sent_at = now
         self.sendings += 1
         self.in_all += 1
 
@@ -88,6 +90,10 @@ class Delivery:
             self._doubted_at = now
             self._due_at = 0.0
         return now - self._doubted_at >= self.settings.resend_after
+
+    def hasten(self) -> None:
+        """Shorten the delay to its first value, because the last sending may be lost; it still counts."""
+        self._due_at = min(self._due_at, self._sent_at + self.settings.resend_after)
 
     def restart(self) -> None:
         """Restart the schedule, because the robot cannot be sent the message now."""
