@@ -14,8 +14,10 @@ from playwright.async_api import Browser, Error, Page, Route, expect
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_status_aggregator.fleet.events import Code, Event
 from support.fleet_examples import ROBOT, connection, position, state
 from support.panel import Hall, becomes, findings, opened, picture, seconds_now
+from support.panel_history import recorded
 from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -24,7 +26,7 @@ OTHER = RobotKey("ACME", "r2")
 LISTED = 60
 """Maximum number of events or orders that the page lists."""
 
-HISTORY = "**/api/v1/history?*"
+REPLAY = "**/api/v1/replay?*"
 
 SHOWN = """() => document.querySelector("nena-fleet-map").replayed?.robots.map(
   (robot) => [robot.id, Math.round(robot.position.x), robot.condition]
@@ -99,36 +101,85 @@ async def test_the_slider_shows_where_a_robot_was(hall: Hall, browser: Browser, 
             assert await page.evaluate("location.hash") == "#/robots/ACME%2Fr1"
 
 
-async def test_the_replay_shows_a_robot_that_waited_at_a_place(hall: Hall, browser: Browser) -> None:
-    """The values of an event may have the name of a field of the replay, such as ``at``, a place."""
-    begin = datetime.now(UTC) - timedelta(minutes=5)
+LOOKS = """() => document.querySelector("nena-fleet-map").replayed?.robots.map(
+  (robot) => [robot.id, robot.condition, robot.urgent, robot.loads.length]
+)"""
 
-    def entry(seconds: float, code: str, values: dict[str, object]) -> dict[str, object]:
-        time = (begin + timedelta(seconds=seconds)).isoformat()
-        return {"time": time, "code": code, "robot": "ACME/r1", "order": None, "text": "", "values": values}
 
-    busy, waiting = {"before": "IDLE", "condition": "BUSY"}, {"before": "BUSY", "condition": "WAITING"}
-    place = {"at": "Middle 3", "reason": "waits_passing", "vehicles": "r2"}
-    entries = [
-        entry(0, "condition", {**busy, "reason": "driving", "next": "Middle 3"}),
-        entry(1, "position", {"x": 3, "y": 2, "theta": 0, "mapId": "hall", "at": "Middle 1"}),
-        entry(60, "position", {"x": 9, "y": 2, "theta": 0, "mapId": "hall", "at": "Middle 3"}),
-        entry(60, "condition", {**waiting, **place}),
+def changed(time: datetime, robot: str, condition: str, **values: str) -> Event:
+    return Event(time, Code.CONDITION, "", robot, values={"condition": condition, **values})
+
+
+def placed(time: datetime, robot: str, x: float, y: float = 2) -> Event:
+    return Event(time, Code.POSITION, "", robot, values={"x": x, "y": y, "theta": 0, "mapId": "hall"})
+
+
+async def test_what_waits_or_needs_a_person_looks_as_it_did_live(
+    hall: Hall, browser: Browser, tmp_path: Path
+) -> None:
+    begin = datetime.now(UTC) - timedelta(minutes=20)
+
+    def minute(number: float) -> datetime:
+        return begin + timedelta(minutes=number)
+
+    r1, gone = "ACME/r1", "ACME/gone"
+    events = [
+        placed(minute(0), r1, 3),
+        changed(minute(0), r1, "BUSY", before="IDLE", reason="driving"),
+        Event(minute(1), Code.LOADS, "", r1, values={"loads": 1, "before": 0}),
+        # The range begins here.
+        placed(minute(12), gone, 5),
+        changed(
+            minute(12), gone, "WAITING", before="BUSY", reason="waits_passing", at="Middle 3", vehicles="r2"
+        ),
+        changed(minute(14), r1, "BLOCKED", before="BUSY", reason="emergency_stop", how="remotely"),
+        Event(minute(16), Code.ROBOT_FORGOTTEN, "", gone),
     ]
-
-    async def answer(route: Route) -> None:
-        await route.fulfill(json={"entries": entries[::-1], "next": None})
-
-    async with hall.connected():
+    async with hall.connected(*recorded(tmp_path, events)):
+        hall.publish_plant()
         hall.send(Topic.CONNECTION, connection(), retain=True)
-        hall.send(Topic.STATE, state(1, at=seconds_now(), mobile_robot_position=position(15, 2)))
         async with opened(browser, hall.url) as page:
-            await page.route(HISTORY, answer)
             await page.get_by_role("link", name="History").click()
-            await becomes(page, SHOWN, None, bool)  # the history is there
-            for seconds, shown in ((30, ["ACME/r1", 3, "BUSY"]), (90, ["ACME/r1", 9, "WAITING"])):
-                await page.evaluate(f"({SLIDE})({(begin.timestamp() + seconds) * 1000:.0f})")
-                await becomes(page, SHOWN, None, lambda found, shown=shown: found == [shown])  # type: ignore[misc]
+            await expect(page.get_by_role("button", name="Play")).to_be_enabled()
+            for number, shown in (
+                (11, [["ACME/gone", "BUSY", False, 0], ["ACME/r1", "BUSY", False, 1]]),
+                (13, [["ACME/gone", "WAITING", False, 0], ["ACME/r1", "BUSY", False, 1]]),
+                (15, [["ACME/gone", "WAITING", False, 0], ["ACME/r1", "BLOCKED", True, 1]]),
+                (17, [["ACME/r1", "BLOCKED", True, 1]]),
+            ):
+                await page.evaluate(f"({SLIDE})({minute(number).timestamp() * 1000:.0f})")
+                await becomes(page, LOOKS, None, lambda found, shown=shown: found == shown)  # type: ignore[misc]
+                if number == 15:
+                    await picture(page, "history-urgent")
+
+
+async def test_an_hour_of_many_robots_is_replayed_from_its_begin(
+    hall: Hall, browser: Browser, tmp_path: Path
+) -> None:
+    """52 robots make more entries in an hour than a browser would load one by one."""
+    begin = datetime.now(UTC) - timedelta(minutes=59)
+    events = [
+        placed(begin + timedelta(seconds=second), f"ACME/r{number}", 1 + second / 100, 1 + number / 5)
+        for second in range(0, 3500, 7)
+        for number in range(52)
+    ]
+    looks = [changed(begin, f"ACME/r{number}", "BUSY", reason="driving") for number in range(52)]
+    async with hall.connected(*recorded(tmp_path, [*looks, *events])):
+        hall.publish_plant()
+        async with opened(browser, f"{hall.url}#/history") as page:
+            await page.get_by_label("Time range").select_option("hour")
+            await expect(page.get_by_text("Loading …")).to_be_hidden()
+            slide = f"({SLIDE})({(begin.timestamp() + 60) * 1000:.0f})"
+            await page.evaluate(slide)
+            await becomes(
+                page, SHOWN, None, lambda shown: len(shown) == 52 and {each[1] for each in shown} == {2}
+            )
+            await expect(page.locator("nena-history-page section > .history > li").first).to_contain_text(
+                "r51"
+            )
+            await page.get_by_label("Speed").select_option("60")
+            await page.get_by_role("button", name="Play").click()
+            await becomes(page, SHOWN, None, lambda shown: shown[0][1] >= 5)
 
 
 async def another_range_and_leaving_abort_the_load(page: Page) -> None:
@@ -143,7 +194,7 @@ async def another_range_and_leaving_abort_the_load(page: Page) -> None:
     async def loads() -> int:
         return len(begun)
 
-    await page.route(HISTORY, late)
+    await page.route(REPLAY, late)
     await page.get_by_role("link", name="History").click()
     await awaited(loads, lambda count: count == 1, seconds=PATIENCE, what="the history loads")
     async with page.expect_event("requestfailed", lambda request: request.url == begun[0]):
@@ -152,7 +203,7 @@ async def another_range_and_leaving_abort_the_load(page: Page) -> None:
     async with page.expect_event("requestfailed", lambda request: request.url == begun[1]):
         await page.get_by_role("link", name="All robots and orders").click()
     over.set()
-    await page.unroute(HISTORY)
+    await page.unroute(REPLAY)
     await page.evaluate("fetch('api/v1/history?limit=1').then((answer) => answer.text())")
     assert await page.evaluate(SHOWN) is None  # the map stays live
 
@@ -166,7 +217,7 @@ async def test_page_reports_a_missing_history(hall: Hall, browser: Browser) -> N
         await expect(page.get_by_role("button", name="Play")).to_be_disabled()
 
 
-async def recorded(hall: Hall, code: str) -> int:
+async def number_of(hall: Hall, code: str) -> int:
     async with httpx.AsyncClient(base_url=hall.url, timeout=PATIENCE) as client:
         return len((await client.get(f"/api/v1/history?code={code}")).json()["entries"])
 
@@ -183,7 +234,7 @@ async def test_events_are_filtered_grouped_and_linked(hall: Hall, browser: Brows
         hall.publish_order(1, TransportOrderState.BEING_PROCESSED, "WMS-2")
         for code, count in (("errorRaised", 1), ("transportOrder", 3)):
             await awaited(
-                lambda code=code: recorded(hall, code),  # type: ignore[misc]
+                lambda code=code: number_of(hall, code),  # type: ignore[misc]
                 lambda found, count=count: found >= count,  # type: ignore[misc]
                 seconds=PATIENCE,
                 what=f"{code} is in the history",
@@ -269,16 +320,17 @@ async def the_list_says_what_it_leaves_out(page: Page, hall: Hall) -> None:
     for number in range(LISTED + 1):
         hall.publish_order(1, TransportOrderState.BEING_PROCESSED, f"L-{number}")
     await awaited(
-        lambda: recorded(hall, "transportOrder"),
+        lambda: number_of(hall, "transportOrder"),
         lambda found: found == LISTED + 4,
         seconds=PATIENCE,
         what="all orders are in the history",
     )
     await page.goto("about:blank")
     await page.goto(f"{hall.url}#/history?kind=transportOrder")
-    await expect(page.get_by_text(f"the latest {LISTED} of {LISTED + 4}.")).to_be_visible()
+    await expect(page.get_by_text(f"Showing the latest {LISTED} up to the time")).to_be_visible()
     await expect(events).to_have_count(LISTED)
     await page.get_by_label("Group by order").check()
-    await expect(page.get_by_text(f"the latest {LISTED} of {LISTED + 3}.")).to_be_visible()
+    await expect(events).to_have_count(LISTED)
+    await expect(page.get_by_text(f"Showing the latest {LISTED} up to the time")).to_be_visible()
     file = page.get_by_role("link", name="Download CSV")
     await expect(file).to_have_attribute("href", re.compile("code=transportOrder$"))

@@ -93,3 +93,16 @@ async def test_history_is_exported_as_files(broker: Broker, interface_name: str,
         assert taken["values"] == {"orderId": "o1", "orderUpdateId": 0}
         nobody = await served.http.get("/api/v1/history.csv?robot=nobody")
         assert nobody.text == "id,time,code,robot,order,text,values\r\n"
+
+
+async def test_replay_of_a_drive(broker: Broker, interface_name: str, tmp_path: Path) -> None:
+    async with serving(broker, interface_name, history=kept_in(tmp_path)) as served:
+        with MqttPeer(broker) as peer:
+            await drive(served, peer)
+        answer = await served.http.get("/api/v1/replay")
+        assert answer.headers["content-encoding"] == "gzip"
+        (robot,) = answer.json()["robots"]
+        assert (robot["robot"], sum(robot["x"]), sum(robot["y"])) == ("ACME/r1", 300, 0)
+        assert robot["looks"][-1][1] == "IDLE"
+        long = await served.http.get("/api/v1/replay?since=2020-01-01T00:00:00Z")
+        assert (long.status_code, "request a shorter one" in long.json()["detail"]) == (422, True)

@@ -12,8 +12,8 @@ import pytest
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import Topic
+from nena_status_aggregator.api import history as history_api
 from nena_status_aggregator.extensions.reports import queries as report_queries
-from nena_status_aggregator.extensions.reports import routes
 from nena_status_aggregator.settings import HistorySettings
 from support.broker import Broker, MqttPeer
 from support.fleet_examples import order_status, position, state, way
@@ -100,6 +100,6 @@ async def test_limits_of_reports_are_refused_with_advice(
         monkeypatch.setattr(report_queries, "ENTRIES_LIMIT", 1)
         long = await served.http.get("/api/v1/report")
         assert (long.status_code, "shorter range" in long.json()["detail"]) == (422, True)
-        monkeypatch.setattr(routes, "WAITING_LIMIT", 0)
+        monkeypatch.setattr(history_api, "WAITING_LIMIT", 0)
         busy = await served.http.get("/api/v1/report")
         assert (busy.status_code, "try again" in busy.json()["detail"]) == (503, True)

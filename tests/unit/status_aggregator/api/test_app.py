@@ -5,7 +5,7 @@ from importlib.metadata import version
 import httpx
 import pytest
 
-from nena_shared.web.metrics import takes_gzip
+from nena_shared.web.compression import takes_gzip
 from nena_status_aggregator.aggregator import Aggregator
 
 
@@ -36,6 +36,7 @@ async def test_openapi_document_is_served(client: httpx.AsyncClient) -> None:
         "/api/v1/history",
         "/api/v1/history.csv",
         "/api/v1/history.jsonl",
+        "/api/v1/replay",
         "/api/v1/report",
         "/api/v1/report.csv",
         "/readyz",

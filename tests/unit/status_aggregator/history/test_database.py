@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from sqlalchemy import Engine, update
 
-from nena_status_aggregator.fleet.events import Code, Event
+from nena_status_aggregator.fleet.events import Code, Event, Values
 from nena_status_aggregator.history import database
 from nena_status_aggregator.history.database import HistoryError, HistoryFilter
 from support.fleet_examples import START
@@ -68,6 +68,42 @@ def test_filters(engine: Engine) -> None:
     assert texts(engine, HistoryFilter(codes=(Code.POSITION, Code.LINK))) == ["three", "two"]
     assert texts(engine, HistoryFilter(since=second)) == ["three", "one"]
     assert texts(engine, HistoryFilter(until=second)) == ["zero"]
+
+
+def test_filter_by_a_part_of_the_order(engine: Engine) -> None:
+    database.write(
+        engine, [event(0, order="WMS-1"), event(1, order="wms_2"), event(2, order="TO-1"), event(3)]
+    )
+    assert texts(engine, HistoryFilter(order_part="wms")) == ["at 1", "at 0"]
+    assert texts(engine, HistoryFilter(order_part="s_")) == ["at 1"]
+
+
+def test_filter_of_problems(engine: Engine) -> None:
+    problems: list[tuple[Code, Values]] = [
+        (Code.ERROR_RAISED, {"errorType": "e"}),
+        (Code.CONDITION, {"condition": "BLOCKED"}),
+        (Code.CONNECTION, {"state": None}),
+        (Code.ORDER_ENDED, {"outcome": "abandoned"}),
+        (Code.ACTION_ENDED, {"status": "FAILED"}),
+        (Code.TRANSPORT_ORDER, {"state": "FAILED", "outcome": "FAILED"}),
+        (Code.TRANSPORT_ORDER, {"state": "FAILED", "gaveWay": False}),
+        (Code.TRANSPORT_ORDER, {"state": "UNROUTABLE"}),
+        (Code.LINK, {"connected": False}),
+        (Code.HISTORY_GAP, {"dropped": 1}),
+    ]
+    others: list[tuple[Code, Values]] = [
+        (Code.CONDITION, {"condition": "WAITING"}),
+        (Code.CONNECTION, {"state": "ONLINE"}),
+        (Code.ORDER_ENDED, {"outcome": "completed"}),
+        (Code.ACTION_ENDED, {"status": "FINISHED"}),
+        (Code.TRANSPORT_ORDER, {"state": "FAILED", "outcome": "WITHDRAWN"}),
+        (Code.TRANSPORT_ORDER, {"state": "FAILED", "gaveWay": True}),
+        (Code.TRANSPORT_ORDER, {"state": "FINISHED"}),
+        (Code.LINK, {"connected": True}),
+    ]
+    database.write(engine, [Event(START, code, "bad", values=values) for code, values in problems])
+    database.write(engine, [Event(START, code, "good", values=values) for code, values in others])
+    assert texts(engine, HistoryFilter(problems=True)) == ["bad"] * len(problems)
 
 
 def test_unusual_texts_are_stored_as_far_as_databases_allow(engine: Engine) -> None:

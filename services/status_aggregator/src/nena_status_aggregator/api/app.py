@@ -155,7 +155,7 @@ def make_app(
     app.include_router(oidc.make_router(sign_in_of(tokens), SystemClock()))
     app.include_router(fleet.make_router(aggregator))
     app.include_router(fleet.make_robots_router(aggregator))
-    app.include_router(history.make_router(aggregator.history))
+    app.include_router(history.make_router(aggregator.history, aggregator.clock))
     for extension in aggregator.extensions:
         for router in extension.routers():
             app.include_router(router)

@@ -1,21 +1,25 @@
-"""The history, ``/api/v1/history``: pages and exports."""
+"""The history, ``/api/v1/history`` (pages and exports), and its replay, ``/api/v1/replay``."""
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
-from datetime import datetime
-from typing import Annotated
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from datetime import datetime, timedelta
+from typing import Annotated, Generic, TypeVar
 
-from fastapi import APIRouter, Depends, Query
+from fastapi import APIRouter, Depends, Query, Request
 from pydantic import AfterValidator
-from starlette.responses import StreamingResponse
+from pydantic_core import to_json
+from sqlalchemy import Engine
+from starlette.responses import Response, StreamingResponse
 from typing_extensions import TypedDict
 
-from nena_shared.clock import in_utc
+from nena_shared.clock import Clock, in_utc, iso
+from nena_shared.web.compression import compressed
 from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import ProblemError
 from nena_status_aggregator.fleet.events import Code
-from nena_status_aggregator.history.database import HistoryEntry, HistoryFilter
+from nena_status_aggregator.history.database import HistoryEntry, HistoryFilter, milliseconds
 from nena_status_aggregator.history.history import (
     Form,
     History,
@@ -24,11 +28,20 @@ from nena_status_aggregator.history.history import (
     as_json_lines,
     csv_head,
 )
+from nena_status_aggregator.history.period import TooManyEntriesError
+from nena_status_aggregator.history.replay import Replay
+from nena_status_aggregator.history.replay_query import LONGEST_REPLAY, read_replay
 
 Moment = Annotated[datetime, AfterValidator(in_utc)]
 
 LAST_ID = 2**63 - 1
 """Largest row number in the database."""
+
+DEFAULT_RANGE = timedelta(days=1)
+WAITING_LIMIT = 10
+"""Maximum number of queries in a :class:`QueryQueue`."""
+
+T = TypeVar("T")
 
 NO_NUL = r"^[^\x00]*$"
 """PostgreSQL does not accept NUL in texts."""
@@ -42,6 +55,7 @@ class HistoryPage(TypedDict):
 
 
 def wanted(
+    *,
     robot: Annotated[
         str | None,
         Query(description="Manufacturer and serial number: `ACME/r1`.", max_length=300, pattern=NO_NUL),
@@ -54,15 +68,37 @@ def wanted(
     ] = (),
     since: Annotated[Moment | None, Query(description="Earliest time (inclusive), ISO 8601.")] = None,
     until: Annotated[Moment | None, Query(description="Latest time (exclusive), ISO 8601.")] = None,
+    order_part: Annotated[
+        str | None,
+        Query(alias="orderPart", description="Part of an order's name.", max_length=600, pattern=NO_NUL),
+    ] = None,
+    problems: Annotated[
+        bool, Query(description="Only failures, errors, stopped robots and lost connections.")
+    ] = False,
 ) -> HistoryFilter:
     """Return the filter of a request."""
-    return HistoryFilter(robot, order, code, since, until)
+    return HistoryFilter(robot, order, code, since, until, order_part=order_part, problems=problems)
 
 
 Wanted = Annotated[HistoryFilter, Depends(wanted)]
 
 
-def make_router(history: History | None) -> APIRouter:
+def requested(
+    since: Annotated[
+        Moment | None, Query(description="Start (inclusive), ISO 8601. Unset: 24 hours before `until`.")
+    ] = None,
+    until: Annotated[
+        Moment | None, Query(description="End (exclusive), ISO 8601; at most now. Unset: now.")
+    ] = None,
+) -> tuple[datetime | None, datetime | None]:
+    """Return the time range of a request."""
+    return since, until
+
+
+Requested = Annotated[tuple[datetime | None, datetime | None], Depends(requested)]
+
+
+def make_router(history: History | None, clock: Clock) -> APIRouter:
     """Create the routes of the history; None: it is disabled."""
     router = APIRouter(prefix="/api/v1", tags=["history"])
 
@@ -80,6 +116,14 @@ def make_router(history: History | None) -> APIRouter:
         except HistoryUnavailableError as error:
             raise history_unavailable() from error
         return {"entries": entries, "next": entries[-1]["id"] if len(entries) == limit else None}
+
+    replays = QueryQueue(history, read_replay)
+
+    @router.get("/replay", response_model=Replay)
+    async def replay(request: Request, chosen: Requested) -> Response:
+        """Return where the robots were in a time range of at most 25 hours, and how they looked."""
+        found = await replays.read(*range_of(chosen, clock.now(), LONGEST_REPLAY))
+        return await asyncio.to_thread(lambda: compressed(request, to_json(found), "application/json"))
 
     @router.get("/history.csv", response_class=StreamingResponse)
     async def csv(chosen: Wanted) -> StreamingResponse:
@@ -129,3 +173,63 @@ async def _stream_file(
             yield form(page)
 
     return StreamingResponse(text(), media_type=media_type)
+
+
+class QueryQueue(Generic[T]):
+    """Runs a query of time ranges that costs much, such as that of a report, once at a time."""
+
+    def __init__(self, history: History | None, query: Callable[[Engine, int, int], T]) -> None:
+        self._history = history
+        self._query = query
+        self._turn = asyncio.Semaphore(1)
+        self._waiting = 0
+
+    async def read(self, since: datetime, until: datetime) -> T:
+        """Return the result for a time range.
+
+        Raises:
+            ProblemError: the history is disabled or unavailable, or the query costs too much.
+
+        """
+        history = require_history(self._history)
+        if self._waiting >= WAITING_LIMIT:
+            detail = "Too many reports or replays are being computed; try again later."
+            raise ProblemError(Rejection.TOO_MANY_REPORTS, detail)
+        self._waiting += 1
+        try:
+            async with self._turn:
+                return await history.read(self._query, milliseconds(since), milliseconds(until))
+        except HistoryUnavailableError as error:
+            raise history_unavailable() from error
+        except TooManyEntriesError as error:
+            detail = f"The range has more than {error} entries; request a shorter range."
+            raise ProblemError(Rejection.TOO_MANY_ENTRIES, detail) from error
+        finally:
+            self._waiting -= 1
+
+
+def range_of(
+    requested: tuple[datetime | None, datetime | None], now: datetime, longest: timedelta
+) -> tuple[datetime, datetime]:
+    """Return the range of a request; it ends now if ``until`` is later.
+
+    Raises:
+        ProblemError: it is empty, too long, or begins in the future.
+
+    """
+    since, until = requested
+    end = min(until or now, now)
+    try:
+        begin = since or end - DEFAULT_RANGE
+    except OverflowError as error:
+        raise ProblemError(Rejection.INVALID_RANGE, f"until ({iso(end)}) is too early.") from error
+    if until is not None and begin >= until:
+        detail = f"since ({iso(begin)}) must be before until ({iso(until)})."
+        raise ProblemError(Rejection.INVALID_RANGE, detail)
+    if begin >= end:
+        detail = f"since ({iso(begin)}) must be before the current time ({iso(now)})."
+        raise ProblemError(Rejection.INVALID_RANGE, detail)
+    if end - begin > longest:
+        detail = f"The range from {iso(begin)} to {iso(end)} is longer than {longest}; request a shorter one."
+        raise ProblemError(Rejection.INVALID_RANGE, detail)
+    return begin, end

@@ -92,16 +92,16 @@ class Rejection(ProblemType):
     INVALID_RANGE = (
         HTTPStatus.UNPROCESSABLE_ENTITY,
         "The time range is not valid.",
-        "`since` must be before `until` and before now, and the range at most 31 days.",
+        "`since` must be before `until` and before now, and the range at most 31 days (replay: 25 hours).",
     )
     TOO_MANY_ENTRIES = (
         HTTPStatus.UNPROCESSABLE_ENTITY,
-        "The time range has too many entries for a report.",
+        "The time range has too many entries for a report or replay.",
         "Request a shorter range.",
     )
     TOO_MANY_REPORTS = (
         HTTPStatus.SERVICE_UNAVAILABLE,
-        "Too many reports are being computed.",
+        "Too many reports or replays are being computed.",
         "Try again later.",
     )
     HISTORY_UNAVAILABLE = (

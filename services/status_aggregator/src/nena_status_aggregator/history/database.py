@@ -9,10 +9,15 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from sqlalchemy import (
+    JSON,
     URL,
     BigInteger,
     Column,
+    ColumnElement,
+    Dialect,
     Engine,
+    Float,
+    FromClause,
     Index,
     Integer,
     MetaData,
@@ -20,10 +25,15 @@ from sqlalchemy import (
     String,
     Table,
     Text,
+    and_,
+    case,
+    cast,
     create_engine,
     delete,
     event,
+    func,
     insert,
+    or_,
     select,
 )
 from sqlalchemy.engine import Row, make_url
@@ -35,7 +45,9 @@ from typing_extensions import TypedDict
 from nena_shared.clock import iso
 from nena_shared.database_connections import register_connection
 from nena_shared.program import StartError
-from nena_status_aggregator.fleet.events import Code, Event, Values
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.connection import ConnectionState
+from nena_status_aggregator.fleet.events import Code, Event, Outcome, Values
 
 SCHEMA_VERSION = 1
 """Incremented with each change of the tables; other versions are refused."""
@@ -91,7 +103,15 @@ class HistoryFilter:
     """Earliest time, inclusive."""
     until: datetime | None = None
     """Latest time, exclusive."""
+    order_part: str | None = None
+    """A part of the order's name, in upper or lower case."""
+    problems: bool = False
+    """Only what :func:`_is_problem` lists."""
 
+
+STOPPED = ("ERROR", "BROKEN", "SILENT", "BLOCKED")
+"""Conditions that are problems."""
+FAILED_ORDERS = ("FAILED", "UNROUTABLE")
 
 EXPIRED_PER_COMMIT = 5000
 """Maximum number of rows deleted in one transaction, to keep the wait of writes short."""
@@ -210,6 +230,35 @@ def milliseconds(time: datetime) -> int:
     return (time - EPOCH) // MILLISECOND
 
 
+NUL_IN_JSON = "\\u0000"
+"""Text from which PostgreSQL reads no JSON."""
+
+
+@dataclass(frozen=True, slots=True)
+class EventValues:
+    """Values of the events of a table, in the SQL of a dialect; null if absent."""
+
+    dialect: Dialect
+    table: FromClause
+
+    def text(self, name: str) -> ColumnElement[Any]:
+        """Return a text."""
+        details = self.table.c.details
+        if self.dialect.name == "sqlite":
+            return func.json_extract(details, f"$.{name}")
+        readable = func.strpos(details, NUL_IN_JSON) == 0
+        return case((readable, cast(details, JSON)[name].as_string()))
+
+    def number(self, name: str) -> ColumnElement[Any]:
+        """Return a number."""
+        return cast(self.text(name), Float)
+
+    def truth(self, name: str) -> ColumnElement[Any]:
+        """Return a truth value as 1 or 0."""
+        value = self.text(name)
+        return value if self.dialect.name == "sqlite" else case((value == "true", 1), (value == "false", 0))
+
+
 def iso_of(stored: int) -> str:
     """Return a stored time as ISO 8601 in UTC."""
     return iso(EPOCH + stored * MILLISECOND)
@@ -220,7 +269,7 @@ def read_newest(
 ) -> list[HistoryEntry]:
     """Read a page, newest first, of the entries with numbers below ``before``."""
     table = event_table
-    query = _select_entries(wanted).order_by(table.c.id.desc()).limit(limit)
+    query = _select_entries(wanted, engine.dialect).order_by(table.c.id.desc()).limit(limit)
     return _read_entries(engine, query if before is None else query.where(table.c.id < before))
 
 
@@ -229,11 +278,11 @@ def read_oldest(
 ) -> list[HistoryEntry]:
     """Read a page, oldest first, of the entries with numbers above ``after`` up to ``upto``."""
     number = event_table.c.id
-    query = _select_entries(wanted).where(number > after, number <= upto)
+    query = _select_entries(wanted, engine.dialect).where(number > after, number <= upto)
     return _read_entries(engine, query.order_by(number).limit(limit))
 
 
-def _select_entries(wanted: HistoryFilter) -> Select[Any]:
+def _select_entries(wanted: HistoryFilter, dialect: Dialect) -> Select[Any]:
     table = event_table
     query = select(table)
     if wanted.robot is not None:
@@ -244,11 +293,31 @@ def _select_entries(wanted: HistoryFilter) -> Select[Any]:
         query = query.where(table.c.code.in_([code.value for code in wanted.codes]))
     else:
         query = query.where(table.c.code != Code.POSITION.value)
+    if wanted.order_part:
+        query = query.where(table.c.order_name.icontains(wanted.order_part, autoescape=True))
+    if wanted.problems:
+        query = query.where(_is_problem(EventValues(dialect, table)))
     if wanted.since is not None:
         query = query.where(table.c.time >= milliseconds(wanted.since))
     if wanted.until is not None:
         query = query.where(table.c.time < milliseconds(wanted.until))
     return query
+
+
+def _is_problem(values: EventValues) -> ColumnElement[bool]:
+    """Return the condition for events that a person should look at."""
+    code, text = values.table.c.code, values.text
+    ended_as = func.coalesce(text("outcome"), text("state"))  # events of earlier releases have no outcome
+    failed = ended_as.in_(FAILED_ORDERS), func.coalesce(values.truth("gaveWay"), 0) == 0
+    return or_(
+        code.in_((Code.ERROR_RAISED.value, Code.HISTORY_GAP.value)),
+        and_(code == Code.CONDITION.value, text("condition").in_(STOPPED)),
+        and_(code == Code.CONNECTION.value, func.coalesce(text("state"), "") != ConnectionState.ONLINE.value),
+        and_(code == Code.LINK.value, values.truth("connected") == 0),
+        and_(code == Code.ORDER_ENDED.value, text("outcome") == Outcome.ABANDONED.value),
+        and_(code == Code.ACTION_ENDED.value, text("status") == ActionStatus.FAILED.value),
+        and_(code == Code.TRANSPORT_ORDER.value, *failed),
+    )
 
 
 def _read_entries(engine: Engine, query: Select[Any]) -> list[HistoryEntry]:

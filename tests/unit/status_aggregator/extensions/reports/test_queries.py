@@ -11,10 +11,11 @@ import pytest
 from sqlalchemy import Engine, insert
 
 from nena_status_aggregator.extensions.reports import queries as report_queries
-from nena_status_aggregator.extensions.reports.queries import TooManyEntriesError, compute_report
+from nena_status_aggregator.extensions.reports.queries import compute_report
 from nena_status_aggregator.extensions.reports.report import Report
 from nena_status_aggregator.fleet.events import Code, Event
 from nena_status_aggregator.history import database
+from nena_status_aggregator.history.period import TooManyEntriesError
 
 SHIFT = Path(__file__).parents[4] / "fixtures" / "history" / "shift.jsonl"
 SIX = datetime(2026, 1, 1, 6, tzinfo=UTC)

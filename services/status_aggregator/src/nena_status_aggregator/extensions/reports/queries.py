@@ -13,14 +13,9 @@ from math import ceil
 from typing import Any
 
 from sqlalchemy import (
-    JSON,
     BigInteger,
     ColumnElement,
-    Connection,
-    Dialect,
     Engine,
-    Float,
-    FromClause,
     Select,
     Subquery,
     Text,
@@ -57,6 +52,7 @@ from nena_status_aggregator.extensions.reports.report import (
 from nena_status_aggregator.fleet.condition import Condition
 from nena_status_aggregator.fleet.events import Code
 from nena_status_aggregator.history.database import event_table, iso_of
+from nena_status_aggregator.history.period import Period
 
 LONGEST_RANGE = timedelta(days=31, hours=1)
 """A month of local days, of which one may have 25 hours."""
@@ -94,59 +90,6 @@ FINAL = tuple(state.value for state in TransportOrderState if state.final)
 NO_FAILURE = (OrderOutcome.WITHDRAWN.value, OrderOutcome.GAVE_WAY.value)
 NOT_FINISHED = tuple(state for state in FINAL if state != TransportOrderState.FINISHED)
 
-NUL_IN_JSON = "\\u0000"
-"""Text from which PostgreSQL reads no JSON."""
-
-BEYOND_ALL = 2**63 - 1
-
-
-class TooManyEntriesError(Exception):
-    """A range has more than ENTRIES_LIMIT entries."""
-
-
-@dataclass(frozen=True, slots=True)
-class Values:
-    """Values of the events of a table, in the SQL of a dialect; null if absent."""
-
-    dialect: Dialect
-    table: FromClause
-
-    def text(self, name: str) -> ColumnElement[Any]:
-        """Return a text."""
-        details = self.table.c.details
-        if self.dialect.name == "sqlite":
-            return func.json_extract(details, f"$.{name}")
-        readable = func.strpos(details, NUL_IN_JSON) == 0
-        return case((readable, cast(details, JSON)[name].as_string()))
-
-    def number(self, name: str) -> ColumnElement[Any]:
-        """Return a number."""
-        return cast(self.text(name), Float)
-
-    def truth(self, name: str) -> ColumnElement[Any]:
-        """Return a truth value as 1 or 0."""
-        value = self.text(name)
-        return value if self.dialect.name == "sqlite" else case((value == "true", 1), (value == "false", 0))
-
-
-@dataclass(frozen=True, slots=True)
-class Period:
-    """A time range of the history in an open database; ms since 1970."""
-
-    connection: Connection
-    since: int
-    until: int
-
-    @property
-    def values(self) -> Values:
-        """The values of events."""
-        return Values(self.connection.dialect, event_table)
-
-    def has_codes(self, *codes: str) -> ColumnElement[bool]:
-        """Return the condition for events of these kinds in the range."""
-        table = event_table.c
-        return and_(table.code.in_(codes), table.time >= self.since, table.time < self.until)
-
 
 def compute_report(engine: Engine, since: int, until: int) -> Report:
     """Compute the report of a time range, ms since 1970.
@@ -158,11 +101,7 @@ def compute_report(engine: Engine, since: int, until: int) -> Report:
     """
     with engine.connect() as connection:
         period = Period(connection, since, until)
-        # Counts at most one entry more than the limit: the whole range may have many millions.
-        entries = select(literal(1).label("one")).where(period.has_codes(*CODES)).limit(ENTRIES_LIMIT + 1)
-        number = connection.execute(select(func.count()).select_from(entries.subquery())).scalar_one()
-        if number > ENTRIES_LIMIT:
-            raise TooManyEntriesError
+        period.refuse_more_than(ENTRIES_LIMIT, *CODES)
         # The history begins with its oldest entry; None: no part of it is in the range.
         oldest = connection.execute(select(func.min(event_table.c.time))).scalar()
         begin = None if oldest is None or oldest >= until else max(since, int(oldest))
@@ -291,27 +230,9 @@ def _robot_figures(
 
 
 def _condition_changes(period: Period) -> Subquery:
-    """Return the changes of conditions: the last one of each robot before the range, and those in it.
-
-    The names of all robots, and the last change of each, are found through the index of robots.
-    """
+    """Return the changes of conditions: the last one of each robot before the range, and those in it."""
     table, values = event_table.c, period.values
-    first_id = period.connection.execute(
-        select(table.id).where(table.time >= period.since).order_by(table.time, table.id).limit(1)
-    ).scalar()
-    names = select(func.min(table.robot).label("robot")).cte("names", recursive=True)
-    greater = select(func.min(table.robot)).where(table.robot > names.c.robot).scalar_subquery()
-    names = names.union_all(select(greater).where(names.c.robot.is_not(None)))
-    past = event_table.alias()
-    last_id = (
-        select(past.c.id)
-        .where(past.c.robot == names.c.robot, past.c.code.in_(CONDITION_CODES))
-        .where(past.c.id < (BEYOND_ALL if first_id is None else first_id))
-        .order_by(past.c.id.desc())
-        .limit(1)
-        .scalar_subquery()
-    )
-    last = select(last_id.label("id")).select_from(names).where(names.c.robot.is_not(None)).subquery()
+    last = period.last_of_robots(*CONDITION_CODES)
     columns = (
         table.id,
         table.robot,

@@ -2,126 +2,22 @@
 
 import { button, element, field, refill, refillSelect, select, setAttribute, setText, verbatim } from "./dom.js";
 import { details } from "./event_texts.js";
-import { hasFailed } from "./fleet.js";
 import { byName, dateAndTime, fieldTime, number, plural, t } from "./i18n.js";
 import { ORDER_SERVICE } from "./recordings.js";
+import { loadReplay } from "./replay.js";
 import { backLink, parameters, setParameters } from "./router.js";
 
-const PAGE = 1000;
-const PAGES = 20;
 const CODES = [
-  "position", "condition", "connection", "operatingMode", "orderTaken", "orderEnded", "actionEnded", "errorRaised",
+  "condition", "connection", "operatingMode", "orderTaken", "orderEnded", "actionEnded", "errorRaised",
   "errorCleared", "charging", "loads", "map", "transportOrder", "link", "historyGap",
 ];
 
-/**
- * Load the entries of a time range, at most PAGES pages of the latest, until `signal` aborts it. Returns `{entries, complete}`,
- * oldest first; null without a history.
- */
-async function loadHistory(range, signal) {
-  const entries = [];
-  let before = null;
-  for (let page = 0; page < PAGES; page += 1) {
-    const answer = await fetch(`api/v1/history?${queryOf(range, { limit: PAGE, before })}`, { signal }).catch(() => null);
-    const part = answer?.ok ? await answer.json().catch(() => null) : null; // null also if aborted
-    if (!part) return null;
-    entries.push(...part.entries);
-    before = part.next;
-    if (before === null) break;
-  }
-  return { entries: entries.reverse(), complete: before === null };
-}
-
-/** Return the URL of the same time range as a file, `csv` or `jsonl`; if given, only of one robot or kind. */
-function exportAddress(range, form, { robot, kind }) {
-  return `api/v1/history.${form}?${queryOf(range, { robot: robot || null }, kind ? [kind] : CODES)}`;
-}
-
-function queryOf({ since, until }, more, codes = CODES) {
+function queryOf({ since, until }, { robot, order, problems }, codes) {
   const query = new URLSearchParams({ since: new Date(since).toISOString(), until: new Date(until).toISOString() });
+  const filters = { robot, orderPart: order, problems };
+  for (const [name, value] of Object.entries(filters)) if (value) query.set(name, value);
   for (const code of codes) query.append("code", code);
-  for (const [name, value] of Object.entries(more)) if (value !== null) query.set(name, value);
   return query;
-}
-
-const GAP = 15_000;
-
-/**
- * The history by time. `entries` are those of the API, oldest first. Robots that did not move within the time range are
- * shown at their current position in the store.
- */
-class Timeline {
-  #store;
-  #tracks = new Map();
-  #conditions = new Map();
-
-  constructor(entries, store) {
-    this.#store = store;
-    this.events = entries.filter((entry) => entry.code !== "position");
-    for (const entry of entries) {
-      const at = Date.parse(entry.time);
-      if (entry.code === "position") append(this.#tracks, entry.robot, { ...entry.values, at });
-      if (entry.code === "condition") append(this.#conditions, entry.robot, { ...entry.values, at });
-    }
-  }
-
-  /** Return the robots at a time, as the map needs them. */
-  robotsAt(time) {
-    return [...this.#store.robots.values()].map((robot) => this.#robotAt(robot, time)).filter((robot) => robot.position);
-  }
-
-  /** Return the index of the last event before a time; -1 if there is none. */
-  lastEvent(time) {
-    return this.events.findLastIndex((entry) => Date.parse(entry.time) <= time);
-  }
-
-  #robotAt({ id, name, body, condition, position }, time) {
-    const track = this.#tracks.get(id);
-    const moved = track && placeAt(track, time);
-    const changes = this.#conditions.get(id) ?? [];
-    const last = changes.findLast((change) => change.at <= time);
-    return {
-      id,
-      name,
-      body,
-      condition: last?.condition ?? changes[0]?.before ?? condition,
-      position: moved ?? position,
-    };
-  }
-}
-
-function append(map, key, value) {
-  if (!map.has(key)) map.set(key, []);
-  map.get(key).push(value);
-}
-
-// Before the first position, the robot was less than one track step away. Between two positions it moves in a straight line.
-function placeAt(track, time) {
-  const at = track.findLastIndex((place) => place.at <= time);
-  const [from, to] = [track[Math.max(at, 0)], track[at + 1]];
-  const share = at >= 0 && to && to.at - from.at < GAP ? (time - from.at) / (to.at - from.at) : 0;
-  const between = (name) => from[name] + share * ((to ?? from)[name] - from[name]);
-  return { x: between("x"), y: between("y"), theta: from.theta, localized: true };
-}
-
-const STOPPED = ["ERROR", "BROKEN", "SILENT", "BLOCKED"];
-const PROBLEMS = {
-  actionEnded: ({ status }) => status === "FAILED",
-  condition: ({ condition }) => STOPPED.includes(condition),
-  connection: ({ state }) => state !== "ONLINE",
-  errorRaised: () => true,
-  historyGap: () => true,
-  link: ({ connected }) => !connected,
-  orderEnded: ({ outcome }) => outcome === "abandoned",
-  transportOrder: ({ state, outcome, gaveWay }) => hasFailed({ outcome: outcome ?? state }) && !gaveWay, // older events: gaveWay
-};
-
-// Whether an entry fits the chosen filters.
-function fits(entry, { robot, order, kind, level }) {
-  if (robot && entry.robot !== robot) return false;
-  if (order && !entry.order?.toLowerCase().includes(order.toLowerCase())) return false;
-  if (kind && entry.code !== kind) return false;
-  return !level || Boolean(PROBLEMS[entry.code]?.(entry.values));
 }
 
 const RANGES = { minutes10: 600, hour: 3600, hours8: 28_800, day: 86_400 };
@@ -129,13 +25,18 @@ const SPEEDS = [1, 10, 60];
 const FRAME = 100; // ms
 const MINUTE = 60_000; // ms
 const EARLIEST = Date.UTC(2000);
+const LONGEST = 25 * 3600 * 1000; // ms, of a replay
 const LISTED = 60;
+const GROUPED = 1000; // events, when they are grouped by order
+const LIST_FRAMES = 10; // of a replay, after which the list follows it
 const MARKS = 300; // on the slider
 
 /** Fires `replay` with the robots to show on the map; null: live data. */
 class HistoryPage extends HTMLElement {
-  #timeline = null;
+  #shown = null; // the replay
   #playing = null;
+  #listing = false;
+  #outdated = false; // the list
   #loading = new AbortController(); // of the last load
 
   /** Attach to `fleet`: {store, link, plant, enabled, noCommands}. */
@@ -148,7 +49,7 @@ class HistoryPage extends HTMLElement {
   open(view) {
     this.#stop();
     this.#loading.abort();
-    this.#timeline = null;
+    this.#shown = null;
     this.#replay(null);
     if (view === null) return this.replaceChildren();
     const linked = parameters();
@@ -208,7 +109,7 @@ class HistoryPage extends HTMLElement {
 
   #filters(linked) {
     const all = ["", t("history.all")];
-    const kinds = CODES.filter((code) => code !== "position").map((code) => [code, t(`eventLog.${code}`)]);
+    const kinds = CODES.map((code) => [code, t(`eventLog.${code}`)]);
     const made = {
       robot: select(this.#robotOptions(linked.get("robot"))),
       order: element("input", { type: "search" }),
@@ -251,18 +152,25 @@ class HistoryPage extends HTMLElement {
 
   #narrow() {
     this.#address();
-    if (!this.#timeline) return;
-    this.files.replaceChildren(...["csv", "jsonl"].map((form) => download(this.loaded, form, this.#chosen)));
+    const { kind, problems, ...chosen } = this.#filter;
+    this.files.replaceChildren(...["csv", "jsonl"].map((form) => download(this.loaded, form, { problems, ...chosen }, kind ? [kind] : ["position", ...CODES])));
     this.#mark();
-    this.#moved();
+    this.#listEvents();
+  }
+
+  // The filters as those of the server.
+  get #filter() {
+    const { level, ...chosen } = this.#chosen;
+    return { ...chosen, problems: level === "problems" };
   }
 
   // Mark the times of problems below the slider, as far as the filters leave them; the latest if there are many.
-  #mark() {
+  async #mark() {
+    const found = await this.#fetchEvents({ ...this.#filter, problems: true }, this.loaded.until, MARKS);
+    if (!found) return;
     const [begin, end] = [Number(this.slider.min), Number(this.slider.max)];
-    const chosen = { ...this.#chosen, level: "problems" };
-    const times = this.#timeline.events.filter((entry) => fits(entry, chosen)).slice(-MARKS).map((entry) => Date.parse(entry.time));
-    const shares = [...new Set(times.filter((time) => time >= begin).map((time) => ((100 * (time - begin)) / (end - begin)).toFixed(1)))];
+    const times = found.entries.map((entry) => Date.parse(entry.time)).filter((time) => time >= begin);
+    const shares = [...new Set(times.map((time) => ((100 * (time - begin)) / (end - begin)).toFixed(1)))];
     this.marks.replaceChildren(
       ...shares.map((share) => {
         const mark = element("i");
@@ -270,6 +178,16 @@ class HistoryPage extends HTMLElement {
         return mark;
       }),
     );
+  }
+
+  // The latest events before a time; null without a history, or if another time range is loaded meanwhile.
+  async #fetchEvents({ kind, ...filter }, until, limit) {
+    const { signal } = this.#loading;
+    const query = queryOf({ since: this.loaded.since, until }, filter, kind ? [kind] : CODES);
+    query.set("limit", limit);
+    const answer = await fetch(`api/v1/history?${query}`, { signal }).catch(() => null);
+    const found = answer?.ok ? await answer.json().catch(() => null) : null;
+    return signal.aborted ? null : found;
   }
 
   async #load(range) {
@@ -280,42 +198,72 @@ class HistoryPage extends HTMLElement {
     this.from.value = fieldTime(range.since);
     this.to.value = fieldTime(range.until + MINUTE - 1); // the latest events stay in the range if only its start is changed
     this.loaded = range;
-    this.#address();
-    const found = await loadHistory(range, signal);
-    if (signal.aborted) return;
-    this.#timeline = found && new Timeline(found.entries, this.fleet.store);
-    setText(this.note, noteOn(found));
-    for (const control of [this.slider, this.play]) control.disabled = !found?.entries.length;
-    if (!found) return;
-    const begin = found.entries.length ? Date.parse(found.entries[0].time) - 1000 : range.since; // nothing changed before
-    setAttribute(this.slider, "min", begin);
-    setAttribute(this.slider, "max", range.until);
-    this.slider.value = range.until;
+    this.#shown = null;
+    this.#setTimes(range.since);
     this.#narrow();
+    const long = range.until - range.since > LONGEST;
+    const found = long ? null : await loadReplay(range, signal);
+    if (signal.aborted) return;
+    this.#shown = found;
+    setText(this.note, long ? t("history.tooLong") : noteOn(found, range));
+    for (const control of [this.slider, this.play]) control.disabled = !found || found.empty;
+    // Nothing is known from before the first position.
+    if (found?.recordedSince > range.since) {
+      this.#setTimes(Math.min(found.recordedSince - 1000, range.until));
+      this.#mark();
+    }
+    this.#moved();
   }
 
-  // Show the fleet at the slider's time.
+  // The slider's range; it is moved to the end.
+  #setTimes(begin) {
+    setAttribute(this.slider, "min", begin);
+    setAttribute(this.slider, "max", this.loaded.until);
+    this.slider.value = this.loaded.until;
+  }
+
+  // Show the fleet and the events at the slider's time.
   #moved() {
-    if (!this.#timeline) return;
+    this.#showTime();
+    this.#listEvents();
+  }
+
+  #showTime() {
     const time = Number(this.slider.value);
     setText(this.clock, dateAndTime(time));
     setAttribute(this.slider, "aria-valuetext", dateAndTime(time));
-    this.#replay(this.#timeline.robotsAt(time));
-    const chosen = this.#chosen;
-    const past = this.#timeline.events.slice(0, this.#timeline.lastEvent(time) + 1);
-    const found = past.filter((entry) => fits(entry, chosen)).reverse();
+    if (this.#shown) this.#replay(this.#shown.robotsAt(time, this.fleet.store.robots));
+  }
+
+  // List the events up to the slider's time. While one request runs, only the latest time waits for the next.
+  async #listEvents() {
+    this.#outdated = true;
+    if (this.#listing) return;
+    this.#listing = true;
+    while (this.#outdated) {
+      this.#outdated = false;
+      const filter = this.#filter;
+      const found = await this.#fetchEvents(filter, Number(this.slider.value) + 1, filter.grouped ? GROUPED : LISTED);
+      if (found) this.#showEvents(found, filter.grouped);
+    }
+    this.#listing = false;
+  }
+
+  #showEvents({ entries, next }, grouped) {
     const names = Object.fromEntries([...this.fleet.store.robots.values()].map((robot) => [robot.id, robot.name]));
-    const shown = chosen.grouped ? found : found.slice(0, LISTED);
-    const content = [shown.map((entry) => entry.id), chosen.grouped];
-    refill(this.list, content, () => (chosen.grouped ? this.#groups(shown, names) : shown.map((entry) => this.#event(entry, names))));
-    const of = chosen.grouped ? new Set(found.map((entry) => entry.order ?? "")).size : found.length;
-    setText(this.cut, of > LISTED ? t("history.listed", { count: number(LISTED), of: number(of) }) : "");
+    const content = [entries.map((entry) => entry.id), grouped, names];
+    refill(this.list, content, () => (grouped ? this.#groups(entries, names) : entries.map((entry) => this.#event(entry, names))));
+    const more = next !== null || (grouped && new Set(entries.map((entry) => entry.order)).size > LISTED);
+    setText(this.cut, more ? t("history.listed", { count: number(this.list.children.length) }) : "");
   }
 
   // One row per order, latest first, and one for events without an order.
   #groups(found, names) {
     const groups = new Map();
-    for (const entry of found) append(groups, entry.order ?? "", entry);
+    for (const entry of found) {
+      const order = entry.order ?? "";
+      groups.set(order, groups.get(order) ?? []).get(order).push(entry);
+    }
     return [...groups].slice(0, LISTED).map(([order, entries]) => {
       const title = order ? verbatim("strong", order) : element("strong", {}, t("history.noOrder"));
       const latest = element("span", {}, `${dateAndTime(entries[0].time)} · ${plural("history.count", entries.length)}`);
@@ -342,9 +290,13 @@ class HistoryPage extends HTMLElement {
   #start() {
     if (Number(this.slider.value) >= Number(this.slider.max)) this.slider.value = this.slider.min;
     setText(this.play, t("history.pause"));
+    let frames = 0;
     this.#playing = setInterval(() => {
-      this.#go(Number(this.slider.value) + FRAME * Number(this.speed.value));
+      this.slider.value = Number(this.slider.value) + FRAME * Number(this.speed.value);
+      this.#showTime();
       if (Number(this.slider.value) >= Number(this.slider.max)) this.#stop();
+      frames += 1;
+      if (frames % LIST_FRAMES === 0 || !this.#playing) this.#listEvents();
     }, FRAME);
   }
 
@@ -360,10 +312,11 @@ class HistoryPage extends HTMLElement {
   }
 }
 
-function noteOn(found) {
+function noteOn(found, { since }) {
   if (!found) return t("history.none");
-  if (!found.entries.length) return t("history.empty");
-  return found.complete ? "" : t("history.cut");
+  if (found.empty) return t("history.empty");
+  if (found.recordedSince === null) return t("history.noPositions");
+  return found.recordedSince > since + MINUTE ? t("history.begins", { time: dateAndTime(found.recordedSince) }) : "";
 }
 
 // The time range in the address; null if it is missing or invalid.
@@ -373,8 +326,9 @@ function rangeOf(from, to) {
   return since >= EARLIEST && since < until ? { since, until } : null;
 }
 
-function download(range, form, chosen) {
-  return element("a", { href: exportAddress(range, form, chosen), download: `nena-history.${form}` }, t(`history.${form}`));
+// The same time range and filters as a file, `csv` or `jsonl`.
+function download(range, form, filter, codes) {
+  return element("a", { href: `api/v1/history.${form}?${queryOf(range, filter, codes)}`, download: `nena-history.${form}` }, t(`history.${form}`));
 }
 
 customElements.define("nena-history-page", HistoryPage);

@@ -1,0 +1,91 @@
+"""The replay: where each robot was in a time range and how it looked, in numbers that are quick to load."""
+
+from __future__ import annotations
+
+from typing_extensions import TypedDict
+
+from nena_status_aggregator.fleet.condition import URGENT
+
+POSITIONS_LIMIT = 300_000
+"""Number of positions to which a replay is thinned: every 5 s of 50 robots in 8 hours."""
+
+TENTH = 100
+"""ms."""
+
+Look = tuple[int, str | None, bool, int]
+"""Tenths of a second after ``since``, condition (null: none), whether the robot is urgent, its loads."""
+
+
+class RobotReplay(TypedDict):
+    """Positions and looks of a robot, oldest first.
+
+    In times, x and y, each number is the difference to the one before it.
+    """
+
+    robot: str
+    times: list[int]
+    """Tenths of a second, from ``since``."""
+    x: list[int]
+    """cm."""
+    y: list[int]
+    theta: list[int]
+    """Hundredths of a rad, not differences."""
+    looks: list[Look]
+
+
+class Replay(TypedDict):
+    """The replay of a time range."""
+
+    since: str
+    until: str
+    """Exclusive; not later than the time of the request."""
+    recordedSince: str | None
+    """Time of the oldest position in the history; null: it has none."""
+    step: float
+    """At most one position of a robot in this time, s."""
+    robots: list[RobotReplay]
+
+
+def step_of(span: int, robots: int) -> int:
+    """Return the step to which the positions in a time range are thinned, ms."""
+    return max(1, span * robots // POSITIONS_LIMIT)
+
+
+class Track:
+    """Collects the positions and looks of a robot, oldest first; times are ms since 1970."""
+
+    __slots__ = ("_look", "_since", "_time", "_x", "_y", "replay")
+
+    def __init__(self, robot: str, since: int) -> None:
+        self.replay: RobotReplay = {"robot": robot, "times": [], "x": [], "y": [], "theta": [], "looks": []}
+        self._since = since
+        self._time = self._x = self._y = 0
+        self._look: tuple[str | None, bool, int] = None, False, 0
+
+    def add_position(self, time: int, x: int, y: int, theta: int) -> None:
+        """Add a position, cm and hundredths of a rad; one before the range is that at its begin."""
+        columns, time = self.replay, self._offset(time)
+        columns["times"].append(time - self._time)
+        columns["x"].append(x - self._x)
+        columns["y"].append(y - self._y)
+        columns["theta"].append(theta)
+        self._time, self._x, self._y = time, x, y
+
+    def add_condition(self, time: int, condition: str | None, reason: str | None, before: str | None) -> None:
+        """Add a change of the condition (None: the robot was removed); the first tells what was before."""
+        looks, loads = self.replay["looks"], self._look[2]
+        if before and not looks:
+            self._add_look(self._since, (before, False, loads))
+        self._add_look(time, (condition, reason in URGENT, loads))
+
+    def add_loads(self, time: int, loads: int) -> None:
+        """Add a change of the number of loads."""
+        self._add_look(time, (*self._look[:2], loads))
+
+    def _add_look(self, time: int, look: tuple[str | None, bool, int]) -> None:
+        if look != self._look:
+            self._look = look
+            self.replay["looks"].append((self._offset(time), *look))
+
+    def _offset(self, time: int) -> int:
+        return max(0, time - self._since) // TENTH

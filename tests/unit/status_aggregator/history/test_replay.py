@@ -1,0 +1,40 @@
+from __future__ import annotations
+
+from nena_status_aggregator.history.replay import POSITIONS_LIMIT, Track, step_of
+
+HOUR = 3_600_000
+
+
+def test_positions_are_differences_and_the_one_before_the_range_is_where_it_begins() -> None:
+    track = Track("A/1", since=10_000)
+    track.add_position(4_000, 100, 200, 157)
+    track.add_position(11_500, 150, 200, 157)
+    track.add_position(12_000, 150, 190, -157)
+    assert track.replay["times"] == [0, 15, 5]
+    assert (track.replay["x"], track.replay["y"]) == ([100, 50, 0], [200, 0, -10])
+    assert track.replay["theta"] == [157, 157, -157]
+
+
+def test_looks_tell_what_waits_is_urgent_and_carries_loads() -> None:
+    track = Track("A/1", since=0)
+    track.add_condition(1_000, "WAITING", "waits_passing", "BUSY")
+    track.add_condition(2_000, "WAITING", "waits_turn", "WAITING")  # looks the same
+    track.add_condition(3_000, "BLOCKED", "emergency_stop", "WAITING")
+    track.add_condition(4_000, "BLOCKED", "paused", "BLOCKED")
+    track.add_loads(5_000, 2)
+    track.add_condition(6_000, None, None, None)
+    assert track.replay["looks"] == [
+        (0, "BUSY", False, 0),
+        (10, "WAITING", False, 0),
+        (30, "BLOCKED", True, 0),
+        (40, "BLOCKED", False, 0),
+        (50, "BLOCKED", False, 2),
+        (60, None, False, 2),
+    ]
+
+
+def test_positions_are_thinned_as_far_as_needed() -> None:
+    assert step_of(HOUR, robots=50) < 1_000
+    assert step_of(1, robots=1) == 1
+    assert 4_000 < step_of(8 * HOUR, robots=50) < 6_000
+    assert 1_000 * 24 * HOUR / step_of(24 * HOUR, robots=1_000) <= POSITIONS_LIMIT
