@@ -107,3 +107,16 @@ async def test_the_end_of_each_action_is_logged_once_per_run(
     both = [("fetch", "p", "pick", "FINISHED"), ("fetch", "k", "dock", "FINISHED")]
     assert told[:2] == both
     assert sorted(told[2:]) == sorted(both)
+
+
+@pytest.mark.parametrize(("serial_number", "said"), [("robot.1", True), ("robot-1", False)])
+async def test_names_that_some_brokers_refuse_are_named_at_the_start(
+    broker: Broker, interface_name: str, tmp_path: Path, serial_number: str, *, said: bool
+) -> None:
+    settings = agent_settings(broker, interface_name, tmp_path, serial_number=serial_number)
+    with capture_logs() as logs:
+        async with running_agent(settings):
+            await until(lambda: any(each["event"] == "broker connected" for each in logs), what="a link")
+    assert (
+        any(serial_number in str(each.get("robots")) and "rename" in each["event"] for each in logs) is said
+    )

@@ -52,6 +52,9 @@ async def test_broker_accepts_the_robot(broker: Broker, interface_name: str) -> 
     view = await examine_broker(settings_for(broker.settings, interface_name=interface_name))
 
     assert verdicts(view) == {Link.BROKER: OK, Link.LOGIN: OK, Link.ACCESS: OK}
+    texts = {each.link: each.text for each in view.findings}
+    assert texts[Link.ACCESS].endswith(f"a message on {interface_name}/v2/ACME/0001/doctor came back")
+    assert "told after 22.5 s, by RabbitMQ after up to 45 s" in texts[Link.LOGIN]
 
 
 async def test_names_that_the_broker_changes_are_not_called_fine(
@@ -107,12 +110,15 @@ async def test_link_that_ignores_its_end_is_ended_again(monkeypatch: pytest.Monk
 
 @pytest.fixture(scope="module")
 def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Broker]:
-    """Yield a broker with two users, one of whom may not write a robot's topics."""
+    """Yield a broker with users who may not write, or not read, all of a robot's topics."""
     rules = tmp_path_factory.mktemp("acl") / "acl"
-    rules.write_text("user mute\ntopic read uagv/#\n\nuser robot\ntopic readwrite uagv/#\n")
+    rules.write_text(
+        "user mute\ntopic read uagv/#\n\nuser robot\ntopic readwrite uagv/#\n\n"
+        "user narrow\ntopic write uagv/#\ntopic read uagv/v2/+/+/order\n"
+    )
     rules.chmod(0o644)
     rules.parent.chmod(0o755)
-    broker = Broker(users={"mute": "m", "robot": "r"}, more=f"acl_file {rules}\n")
+    broker = Broker(users={"mute": "m", "robot": "r", "narrow": "n"}, more=f"acl_file {rules}\n")
     yield broker
     broker.close()
 
@@ -141,6 +147,15 @@ async def test_robot_without_write_permission(guarded: Broker) -> None:
     assert verdicts(view) == {Link.BROKER: OK, Link.LOGIN: OK, Link.ACCESS: MISSING}
     assert "may not write uagv/v2/ACME/0001/visualization: Not authorized" in first_missing(view).text
     assert "write below uagv/v2/ACME/0001/" in first_missing(view).remedy
+
+
+async def test_robot_that_may_not_read_its_own_messages_misses_nothing(guarded: Broker) -> None:
+    mqtt = guarded.settings.model_copy(update={"username": "narrow", "password": SecretStr("n")})
+
+    view = await examine_broker(settings_for(mqtt))
+
+    assert verdicts(view)[Link.ACCESS] is OK
+    assert "did not come back" in view.findings[-1].text
 
 
 @pytest.mark.skipif(not PLUGIN.exists(), reason=f"Mosquitto's dynamic security plug-in is not at {PLUGIN}")

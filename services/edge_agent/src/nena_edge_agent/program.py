@@ -30,6 +30,7 @@ from nena_edge_agent.robot_link import RobotLink
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, SystemClock
+from nena_shared.fleet_api.topics import suits_all_brokers
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
 from nena_shared.program import EXIT_FAILED, StartError, run
@@ -48,6 +49,8 @@ METRICS_PAUSE = 10.0
 """Seconds after which a failed metrics port is retried."""
 
 log = get_logger(__name__)
+
+ODD_NAMES_LOGGED = 10
 
 
 async def serve(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
@@ -78,6 +81,14 @@ class _RobotParts:
 
 async def _serve_robots(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
     """Create the robots and the extensions, then run the agents beside what serves all of them."""
+    keys = (RobotKey(settings.manufacturer, serial_number) for serial_number in settings.serial_numbers)
+    if odd := [str(key) for key in keys if not suits_all_brokers(key)]:
+        log.warning(
+            "some MQTT brokers (RabbitMQ, NATS) refuse or change '.' and spaces in topics: rename the "
+            "robots, or test the broker with nena-edge-agent doctor",
+            robots=odd[:ODD_NAMES_LOGGED],
+            number=len(odd),
+        )
     clock = SystemClock()
     fleet = [_RobotParts.of_robot(settings, serial_number) for serial_number in settings.serial_numbers]
     core = Core(settings, clock, tuple(parts.robot for parts in fleet))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
@@ -48,6 +49,11 @@ def level_of(name: str) -> str:
         f"%{ord(sign):02X}" if sign in ENCODED else sign if sign.isprintable() else quote(sign, safe="")
         for sign in name
     )
+
+
+def suits_all_brokers(names: Iterable[str]) -> bool:
+    """Return whether every broker accepts these names as topic levels as they are."""
+    return all(level_of(name) == name for name in names)
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ from nena_order_service.fleet.statistics import FleetStatistics
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
-from nena_shared.fleet_api.topics import level_of
+from nena_shared.fleet_api.topics import suits_all_brokers
 from nena_shared.log import get_logger
 from nena_shared.mqtt import BrokerLink, Inbound, Outbound
 from nena_shared.plant import Vehicle
@@ -215,7 +215,7 @@ class RobotAddresses:
                     f"{KEY_LENGTH} characters together"
                 )
                 raise ConfigurationError([message])
-            if any(level_of(name) != name for name in robot):
+            if not suits_all_brokers(robot):
                 log.warning(
                     "some brokers refuse or change topics with this manufacturer or serial number: NATS "
                     "accepts no '.' and no space, RabbitMQ no '.'",
