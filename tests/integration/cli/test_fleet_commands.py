@@ -64,6 +64,12 @@ async def test_orders_are_created_listed_shown_and_withdrawn(fleet: Fleet) -> No
     asked = ("name", "driveOrders", "intendedVehicle", "priority", "properties", "deadline", "created")
     there = (await client.get("/v1/transportOrders/T-1")).json()
     assert {each: there[each] for each in asked} == {each: made[each] for each in asked}
+    (changed,) = await nena.json(
+        "orders", "change", "T-1", "--priority", "9", "--timeout", "none", "--deadline", "2036-01-01T12:00"
+    )
+    assert (changed["priority"], changed["timeout"], changed["deadline"][:4]) == (9, None, "2036")
+    assert changed["intendedVehicle"] == "Robot-02"
+    there = (await client.get("/v1/transportOrders/T-1")).json()
     body = json.dumps({"name": "T-2", "destinations": [{"locationName": "South 2"}]})
     await nena.json("orders", "create", "--file", "-", stdin=body)
 

@@ -136,6 +136,9 @@ async def orders_are_held_and_withdrawn(host: Host) -> None:
     sent = await host.ask("dispatch", vehicle="Robot-01", point="South 2")
     assert (sent["status"], sent["transportOrder"]["intendedVehicle"]) == (201, "Robot-01")
     name = sent["transportOrder"]["name"]
+    assert sent["transportOrder"]["createdBy"] == "wms"
+    changed = await host.ask("changeOrder", transportOrder=name, priority=5, intendedVehicle=None)
+    assert (changed["status"], changed["transportOrder"].get("intendedVehicle")) == (200, None)
     held = await host.ask("hold", transportOrder=name, by="Ann", reason="tea")
     assert (held["status"], held["transportOrder"]["held"]["by"]) == (200, "Ann")
     resumed = await host.ask("resume", transportOrder=name, version=held["transportOrder"]["version"])

@@ -95,11 +95,15 @@ class OrderEndedError(RefusedError):
         super().__init__(f"Transport order {name!r} is already {state} and cannot be changed.")
 
 
-class OrderAssignedError(Exception):
-    """A vehicle has the order, or a sequence: its intended vehicle cannot be changed."""
+class OrderAssignedError(RefusedError):
+    """A vehicle has the order, or its sequence chooses the vehicle."""
+
+    refusal = Refusal.ORDER_ASSIGNED
 
     def __init__(self, name: str, reason: str) -> None:
-        super().__init__(f"The intended vehicle of transport order {name!r} cannot be changed: {reason}.")
+        super().__init__(
+            f"Transport order {name!r} cannot be changed: {reason}. Withdraw it and create another one."
+        )
 
 
 class UnknownPeripheralError(RefusedError):

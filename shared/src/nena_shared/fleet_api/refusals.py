@@ -90,6 +90,11 @@ class Refusal(ProblemType):
         "The transport order has ended.",
         "Nothing: the order is in a final state. Create a new order if its work is still needed.",
     )
+    ORDER_ASSIGNED = (
+        HTTPStatus.CONFLICT,
+        "The transport order can no longer be changed in this way.",
+        "Withdraw the order and create another one with the new values.",
+    )
     ORDER_WITHDRAWN = (
         HTTPStatus.CONFLICT,
         "The transport order is withdrawn.",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import pi
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -21,6 +21,8 @@ from nena_shared.fleet_api.transport_order import (
     Coordinate,
     Destination,
     OrderSequenceStatus,
+    Priority,
+    Seconds,
     TransportOrderState,
     TransportOrderStatus,
 )
@@ -108,6 +110,32 @@ class VehicleList(Resource):
     """Value of ``after`` for the next page; None: this is the last one."""
 
 
+class OrderChange(Request):
+    """Changes of a transport order that waits for a vehicle; what is left out stays as it is."""
+
+    priority: Priority = 0
+    intended_vehicle: ObjectName | None = None
+    """null: any vehicle."""
+    deadline: Moment | None = None
+    """null: none."""
+    timeout: Seconds | None = None
+    """Seconds from its creation; null: none."""
+
+    @model_validator(mode="after")
+    def _changes_something(self) -> Self:
+        if self.model_fields_set.isdisjoint(OrderChange.model_fields):
+            message = "set at least one of priority, intendedVehicle, deadline and timeout"
+            raise ValueError(message)
+        return self
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        """New values by the names of the fields that are given."""
+        return {
+            name: getattr(self, name) for name in OrderChange.model_fields if name in self.model_fields_set
+        }
+
+
 class WithdrawalRequest(Request):
     """Request to withdraw a transport order."""
 
@@ -178,7 +206,7 @@ class DispatchRequest(Request):
     coordinate: Coordinate | None = None
     operation: Annotated[str, Field(min_length=1, max_length=200)] | None = None
     """None: MOVE at a point or coordinate, NOP at a location."""
-    priority: Annotated[int, Field(ge=-1000, le=1000)] = 0
+    priority: Priority = 0
     idempotency_key: IdempotencyKey | None = None
     traceparent: Traceparent | None = None
     """Trace of the host (W3C Trace Context), to which the order's trace links."""

@@ -77,6 +77,7 @@ FailurePolicy = Annotated[tuple[FailureStep, ...], Field(max_length=20), AfterVa
 """Steps tried in turn; steps that do not apply to a failure are skipped. Ends with FAIL implicitly."""
 
 Seconds = Annotated[float, Field(gt=0, le=31_536_000)]
+Priority = Annotated[int, Field(ge=-1000, le=1000)]
 
 
 class Hold(Resource):
@@ -211,7 +212,7 @@ class OrderTemplate(Request):
     intended_vehicle: ObjectName | None = None
     type: OrderType = "-"
     """Order type; the order is only assigned to vehicles that accept it."""
-    priority: Annotated[int, Field(ge=-1000, le=1000)] = 0
+    priority: Priority = 0
     """Higher is more urgent."""
     dispensable: bool = False
     """Whether the order may be dropped if its vehicle is needed for another one, like parking orders."""
@@ -305,6 +306,8 @@ class TransportOrderStatus(Resource):
     on_dependency_failure: DependencyFailure = DependencyFailure.FAIL
     wrapping_sequence: str | None = None
     created: Moment
+    created_by: str | None = None
+    """User, host or schedule that created it; None: unknown, or the order service itself."""
     finished: Moment | None = None
     outcome: OrderOutcome | None = None
     """How it ended; None: it has not ended, or ended in a version without outcomes."""

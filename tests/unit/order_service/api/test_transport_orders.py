@@ -14,6 +14,7 @@ from nena_order_service.api.orders import ORDERS_AT_ONCE
 from nena_order_service.service import OrderService
 from nena_order_service.store import database
 from nena_shared.fleet_api.base import Role
+from nena_shared.fleet_api.reasons import Reason
 from nena_shared.fleet_api.requests import BY_LIMIT, TransportOrderPage
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.web.access import KnownUser
@@ -291,6 +292,52 @@ async def test_order_that_has_changed_meanwhile_is_not_withdrawn(client: httpx.A
     fresh = await client.post(f"{ORDERS}/T-1/withdrawal", headers={"If-Match": made.headers["etag"]})
     assert (fresh.status_code, fresh.json()["state"]) == (200, "FAILED")
     assert fresh.headers["etag"] != made.headers["etag"]
+
+
+async def test_a_waiting_order_is_changed_and_dispatched_anew(
+    client: httpx.AsyncClient, service: OrderService
+) -> None:
+    urgent = {**BODY, "name": "T-2", "priority": 3}
+    asked = {**BODY, "name": "T-1", "timeout": 60, "deadline": "2020-01-01T00:00:00Z"}
+    for body in (asked, urgent):
+        (await client.post(ORDERS, json=body)).raise_for_status()
+    assert [order.name for order in service.engine.state.orders.dispatchable()] == ["T-2", "T-1"]
+    new = {"priority": 5, "intendedVehicle": "Robot-02", "deadline": "2035-01-01T00:00:00Z", "timeout": None}
+    changed = await client.patch(f"{ORDERS}/T-1", json=new)
+    assert changed.status_code == 200, changed.text
+    order = changed.json()
+    assert (order["priority"], order["intendedVehicle"], order["timeout"]) == (5, "Robot-02", None)
+    assert (order["deadline"], order["late"]) == ("2035-01-01T00:00:00.000Z", False)
+    entries = {each["eventCode"]: each["supplements"] for each in order["history"]}
+    assert entries["nena:changed"] == ["priority=5", "deadline=2035-01-01T00:00:00.000Z", "timeout=None"]
+    assert entries["nena:intendedVehicleChanged"] == ["Robot-02"]
+    assert [order.name for order in service.engine.state.orders.dispatchable()] == ["T-1", "T-2"]
+    assert (await client.post(ORDERS, json=asked)).status_code == 200, "the same request as before"
+    left = await client.patch(f"{ORDERS}/T-1", json={"intendedVehicle": None})
+    assert (left.json()["intendedVehicle"], left.json()["priority"]) == (None, 5)
+
+
+async def test_an_order_that_a_vehicle_has_is_not_changed(
+    client: httpx.AsyncClient, service: OrderService
+) -> None:
+    (await client.post(ORDERS, json={**BODY, "name": "T-1"})).raise_for_status()
+    orders = service.engine.state.orders
+    (order,) = orders.dispatchable()
+    orders.put(order.assigned("Robot-01", [()], Reason.of("it is near"), datetime.now(UTC)))
+    refused = problem(await client.patch(f"{ORDERS}/T-1", json={"priority": 1}), 409)
+    assert "BEING_PROCESSED with vehicle 'Robot-01'. Withdraw it" in refused.detail
+
+
+async def test_a_change_that_is_not_possible_is_refused(client: httpx.AsyncClient) -> None:
+    (await client.post(ORDERS, json={**BODY, "name": "T-1"})).raise_for_status()
+    assert "set at least one" in str(problem(await client.patch(f"{ORDERS}/T-1", json={}), 422))
+    problem(await client.patch(f"{ORDERS}/T-1", json={"type": "Park"}), 422)
+    problem(await client.patch(f"{ORDERS}/T-1", json={"intendedVehicle": "R2D2"}), 404)
+    problem(await client.patch(f"{ORDERS}/T-9", json={"priority": 1}), 404)
+    problem(await client.patch(f"{ORDERS}/T-1", json={"priority": 1}, headers={"If-Match": '"99"'}), 412)
+    await client.post(f"{ORDERS}/T-1/withdrawal")
+    ended = problem(await client.patch(f"{ORDERS}/T-1", json={"priority": 1}), 409)
+    assert "cannot be changed" in ended.detail
 
 
 async def test_delivery_of_an_order_is_published(client: httpx.AsyncClient) -> None:

@@ -43,6 +43,21 @@ async def test_an_order_that_takes_too_long_is_cancelled_at_the_robot() -> None:
     assert status_of(engine).outcome is OrderOutcome.FAILED, "nobody wanted its end"
 
 
+async def test_a_changed_deadline_and_timeout_replace_the_earlier_ones() -> None:
+    engine, fleet = await make(MemoryStore())
+    fleet.out_of_order.add("V1")
+    soon = engine.clock.now() + timedelta(seconds=60)
+    number = engine.create(request("B", deadline=soon, timeout=60), "T").number
+    engine.change_order(number, {"deadline": None, "timeout": 300})
+    later(engine, 61)
+    assert (status_of(engine).state, status_of(engine).late) == (S.DISPATCHABLE, False)
+    engine.change_order(number, {"deadline": soon})
+    later(engine, 1)
+    assert status_of(engine).late
+    later(engine, 300)
+    assert status_of(engine).state is S.FAILED
+
+
 async def test_an_order_is_late_only_after_its_deadline() -> None:
     engine, _ = await make(MemoryStore())
     engine.create(request("B", deadline=engine.clock.now() + timedelta(seconds=60)), "T")

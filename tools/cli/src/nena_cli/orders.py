@@ -1,4 +1,4 @@
-"""``nena orders``: create, import, list, show, watch, withdraw, hold, resume."""
+"""``nena orders``: create, import, list, show, watch, change, withdraw, hold, resume."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from nena_client import Client
 from nena_shared.findings import FINDINGS_SHOWN
 from nena_shared.fleet_api.operations.operation import Operation
 from nena_shared.fleet_api.operations.orders import (
+    CHANGE_ORDER,
     CREATE_ORDER,
     CREATE_ORDERS,
     DELIVERY,
@@ -42,6 +43,8 @@ from nena_shared.fleet_api.transport_order import (
 )
 from nena_shared.vda5050.malformed import problems_of
 
+NONE = "none"
+"""Value of an option that takes something away from an order."""
 BATCH = 1000
 """Orders that one request creates."""
 
@@ -209,6 +212,39 @@ def watch_(
 
 @app.command()
 @of_service
+def change(
+    service: Service,
+    name: Name,
+    *,
+    priority: Annotated[int | None, typer.Option(min=-1000, max=1000, help="Higher is more urgent.")] = None,
+    vehicle: Annotated[str | None, typer.Option(help="Intended vehicle; none: any.")] = None,
+    deadline: Annotated[str | None, typer.Option(help="Local time in ISO 8601; none: no deadline.")] = None,
+    timeout: Annotated[str | None, typer.Option(help="Seconds from its creation; none: no timeout.")] = None,
+    version: Version = None,
+) -> None:
+    """Change a transport order that waits for a vehicle; what is not given stays as it is."""
+    given = {"intendedVehicle": vehicle, "deadline": _local_moment(deadline), "timeout": timeout}
+    body: dict[str, JsonValue] = {
+        field: None if value == NONE else value for field, value in given.items() if value is not None
+    }
+    if priority is not None:
+        body["priority"] = priority
+    _send_change(service, CHANGE_ORDER, name, body, version)
+
+
+def _local_moment(text: str | None) -> str | None:
+    """Return a local time with its zone; NONE and None stay as they are."""
+    if text in (None, NONE):
+        return text
+    try:
+        return datetime.fromisoformat(text).astimezone().isoformat()
+    except ValueError as error:
+        message = f"Write the deadline {text!r} as 2026-01-31T10:00, or {NONE}"
+        raise typer.BadParameter(message) from error
+
+
+@app.command()
+@of_service
 def withdraw(
     service: Service,
     name: Name,
@@ -263,9 +299,19 @@ def _change_order(
 ) -> None:
     """Change an order, if it still has that version, and print it; None values are omitted."""
     given: dict[str, JsonValue] = {key: value for key, value in body.items() if value is not None}
+    _send_change(service, operation, name, given, version)
+
+
+def _send_change(
+    service: Service,
+    operation: Operation[TransportOrderStatus],
+    name: str,
+    body: dict[str, JsonValue],
+    version: int | None,
+) -> None:
     headers = {} if version is None else {"If-Match": f'"{version}"'}
     with service.connected() as connection:
-        _print_orders(service, connection.call(operation, name, body=given, headers=headers))
+        _print_orders(service, connection.call(operation, name, body=body, headers=headers))
 
 
 def _build_request(

@@ -115,6 +115,7 @@ def order_details(order: TransportOrderStatus, delivery: DeliveryStatus) -> Tabl
         ("depends on", Text(", ".join(order.dependencies))),
         ("dispensable", Text("yes" if order.dispensable else "")),
         ("automatic", Text("yes" if order.automatic else "")),
+        ("created by", Text(order.created_by or "")),
         ("destinations", destinations(order)),
         ("delivery", Text(" ".join(filter(None, (delivery.phase, delivery.order_id, delivery.note))))),
         ("properties", Text(", ".join(f"{each.key}={each.value}" for each in order.properties))),

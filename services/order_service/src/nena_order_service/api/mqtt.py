@@ -76,6 +76,10 @@ COMMANDS: Final[Mapping[str, type[Command]]] = {
 """Bodies of commands by command name."""
 
 
+CREATIONS: Final = (table.CREATE_ORDERS, table.DISPATCH)
+"""Commands that create orders, which tell who created them."""
+
+
 class Answer(Resource):
     """Answer to a command: the operation's answer in its own field, or a problem."""
 
@@ -177,7 +181,7 @@ class MqttApi:
         self, host: str, request: TransportOrderRequest, refuse: Callable[[Problem], None]
     ) -> None:
         try:
-            call = Call("", request, SOMEBODY, origin=Origin(AuditInterface.MQTT, host))
+            call = Call("", request, host, origin=Origin(AuditInterface.MQTT, host))
             reply = await self._operations.execute(table.CREATE_ORDER, call)
         except Exception as error:
             if not isinstance(error, FORESEEN):
@@ -245,7 +249,7 @@ def _make_call(operation: Operation[Any], command: Command, host: str) -> Call[A
     return Call(
         getattr(command, operation.subject) if operation.subject else "",
         request,
-        SOMEBODY,
+        host if operation in CREATIONS else SOMEBODY,  # otherwise ``by`` is for the host to give
         None if version is None else ETag.of(version),
         Origin(AuditInterface.MQTT, host),
     )

@@ -21,8 +21,10 @@ from nena_order_service.store.database import OrderFilter
 from nena_shared.fleet_api.operations import orders as table
 from nena_shared.fleet_api.reasons import explained
 from nena_shared.fleet_api.requests import (
+    SOMEBODY,
     AssignmentQuery,
     HoldRequest,
+    OrderChange,
     ResumeRequest,
     TransportOrdersQuery,
     WithdrawalRequest,
@@ -89,16 +91,21 @@ class OrderOperations:
         yield Handler(table.SHOW_ORDER, self.find_status)
         yield Handler(table.DELIVERY, self.find_delivery)
         yield Handler(table.ASSIGNMENT, self.explain_assignment)
+        yield Handler(
+            table.CHANGE_ORDER, self.change_order, {"priority": 5, "deadline": "2026-08-01T14:30:00Z"}
+        )
         yield Handler(table.WITHDRAW, self.withdraw_order, {"reason": "customer cancelled"})
         yield Handler(table.HOLD, self.hold_order, {"by": "Anna", "reason": "aisle is blocked"})
         yield Handler(table.RESUME, self.resume_order, {"by": "Anna", "reason": "aisle is free"})
 
-    async def create_order(self, request: TransportOrderRequest) -> tuple[TransportOrderStatus, bool]:
+    async def create_order(
+        self, request: TransportOrderRequest, caller: str = SOMEBODY
+    ) -> tuple[TransportOrderStatus, bool]:
         """Create an order; return it with False if the same request created it before.
 
         The same request has the same idempotency key, or without one the same name.
         """
-        order, new = await self._create_uncommitted(request)
+        order, new = await self._create_uncommitted(request, caller)
         # Also for a known order: the request that created it may still be in the commit (0008).
         try:
             await self._engine.unit_of_work.wait_committed()
@@ -107,7 +114,7 @@ class OrderOperations:
                 log.info("order created", order=order.name, state=order.state.value)
         return self._visible_status(order), new
 
-    async def create_batch(self, request: TransportOrderBatch) -> TransportOrderBatchAnswer:
+    async def create_batch(self, request: TransportOrderBatch, caller: str) -> TransportOrderBatchAnswer:
         """Create several orders in this order, or only check whether they could be created.
 
         Raises:
@@ -121,7 +128,9 @@ class OrderOperations:
             try:
                 outcomes.append(
                     await (
-                        self._check_order(order, earlier) if check_only else self._create_uncommitted(order)
+                        self._check_order(order, earlier)
+                        if check_only
+                        else self._create_uncommitted(order, caller)
                     )
                 )
             # A RefusedError too, but of the whole batch: its host repeats all of it.
@@ -158,7 +167,9 @@ class OrderOperations:
             transport_order=self._visible_status(order) if order else None,
         )
 
-    async def _create_uncommitted(self, request: TransportOrderRequest) -> tuple[TransportOrder, bool]:
+    async def _create_uncommitted(
+        self, request: TransportOrderRequest, caller: str
+    ) -> tuple[TransportOrder, bool]:
         """Create an order without waiting for the commit."""
         request = set_operations(request, self._engine.plant)
         check_request(request, self._engine.plant, self._engine.registry.names())
@@ -174,7 +185,8 @@ class OrderOperations:
             return order, False
         self._engine.unit_of_work.require_store()
         name = exact_name or f"{request.name or ORDER_PREFIX}-{sortable_id()}"
-        return self._engine.create(request, name, ended), True
+        by = None if caller == SOMEBODY else caller
+        return self._engine.create(request, name, ended, by), True
 
     async def _check_order(
         self, request: TransportOrderRequest, earlier: _Earlier
@@ -289,6 +301,26 @@ class OrderOperations:
             left_out=len(fits[request.limit :]),
         )
 
+    async def change_order(
+        self, name: str, request: OrderChange, seen: ETag | None = None
+    ) -> TransportOrderStatus:
+        """Change an order that no vehicle has.
+
+        Raises:
+            OrderAssignedError: a vehicle has it, or the vehicle is that of its sequence.
+        """
+        order, changes = await self._unfinished_order(name, seen), request.changes
+        vehicle, sequence = changes.get("intended_vehicle"), order.status.wrapping_sequence
+        if vehicle is not None and self._engine.registry.named(vehicle) is None:
+            raise errors.UnknownVehicleError(vehicle)
+        if order.state not in (TransportOrderState.ACTIVE, TransportOrderState.DISPATCHABLE):
+            raise errors.OrderAssignedError(name, f"it is {order.state} with vehicle {order.vehicle!r}")
+        if "intended_vehicle" in changes and sequence is not None:
+            raise errors.OrderAssignedError(name, f"sequence {sequence!r} chooses its vehicle")
+        async with self._engine.unit_of_work.saved():
+            self._engine.change_order(order.number, changes)
+        return self._visible_status(order)
+
     async def withdraw_order(
         self, name: str, request: WithdrawalRequest, seen: ETag | None = None
     ) -> TransportOrderStatus:
@@ -318,24 +350,6 @@ class OrderOperations:
         async with self._engine.unit_of_work.saved():
             self._engine.resume(order.number, request.by or caller, request.reason)
         return self._visible_status(order)
-
-    async def set_intended_vehicle(self, name: str, vehicle: str | None) -> None:
-        """Set the intended vehicle of an unassigned order; None: any vehicle.
-
-        Raises:
-            OrderAssignedError: a vehicle has it, or the order belongs to a sequence.
-        """
-        order = await self._unfinished_order(name, None)
-        if vehicle is not None and self._engine.registry.named(vehicle) is None:
-            raise errors.UnknownVehicleError(vehicle)
-        if order.state not in (TransportOrderState.ACTIVE, TransportOrderState.DISPATCHABLE):
-            raise errors.OrderAssignedError(name, f"it is {order.state}")
-        if order.status.wrapping_sequence is not None:
-            raise errors.OrderAssignedError(
-                name, f"it belongs to sequence {order.status.wrapping_sequence!r}"
-            )
-        async with self._engine.unit_of_work.saved():
-            self._engine.set_intended_vehicle(order.number, vehicle)
 
     async def _unfinished_order(self, name: str, seen: ETag | None) -> TransportOrder:
         """Return an order that can be changed, if it is unchanged since the caller has ``seen`` it."""

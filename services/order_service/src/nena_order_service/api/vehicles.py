@@ -108,7 +108,7 @@ class VehicleOperations:
         return self._engine.reporter.vehicle_status(vehicle)
 
     async def dispatch_vehicle(
-        self, name: str, request: DispatchRequest
+        self, name: str, request: DispatchRequest, caller: str
     ) -> tuple[TransportOrderStatus, bool]:
         """Send a vehicle somewhere with a new order; see :meth:`OrderOperations.create_order`."""
         self._find_vehicle(name)
@@ -119,7 +119,8 @@ class VehicleOperations:
                 priority=request.priority,
                 idempotency_key=request.idempotency_key,
                 traceparent=request.traceparent,
-            )
+            ),
+            caller,
         )
 
     async def reroute_vehicle(self, name: str, kind: ReroutingType) -> ReroutingAnswer:

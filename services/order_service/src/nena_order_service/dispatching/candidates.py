@@ -81,13 +81,16 @@ class WaitingOrders:
         return min(self._urgencies, default=None)
 
     def put(self, order: TransportOrder) -> None:
-        """Keep an order exactly while it is dispatchable; meanwhile only its intended vehicle may change."""
+        """Keep an order exactly while it is dispatchable; meanwhile its vehicle and urgency may change."""
         number, waits = order.number, order.state is TransportOrderState.DISPATCHABLE
-        if waits and number not in self._urgencies:
-            self._urgencies[number] = order.urgency
-            insort(self._queue, order.urgency)
-        elif not waits and (urgency := self._urgencies.pop(number, None)):
-            del self._queue[bisect_left(self._queue, urgency)], self._kinds[number]
+        urgency, before = order.urgency if waits else None, self._urgencies.get(number)
+        if before is not None and before != urgency:
+            del self._queue[bisect_left(self._queue, before)], self._urgencies[number]
+            if not waits:
+                del self._kinds[number]
+        if urgency is not None and before != urgency:
+            self._urgencies[number] = urgency
+            insort(self._queue, urgency)
         if waits:
             kind = self._kinds.get(number)
             if kind is None or kind.intended_vehicle != order.status.intended_vehicle:

@@ -264,10 +264,11 @@ class Engine:
         request: TransportOrderRequest,
         name: str,
         ended: Mapping[str, TransportOrderState] | None = None,
+        by: str | None = None,
     ) -> TransportOrder:
         """Create an order from a validated request; see :meth:`LifeCycle.create_order`."""
         with self.change():
-            order = self.life_cycle.create_order(request, name, ended)
+            order = self.life_cycle.create_order(request, name, ended, by=by)
         return self.state.orders.get(order.number)
 
     def withdraw(self, number: int, reason: str, *, immediate: bool = True) -> None:
@@ -285,12 +286,10 @@ class Engine:
         with self.change():
             self.life_cycle.resume_order(self.state.orders.get(number), by, reason)
 
-    def set_intended_vehicle(self, number: int, vehicle: str | None) -> None:
-        """Set the intended vehicle of an unassigned order; None: any vehicle."""
+    def change_order(self, number: int, changes: Mapping[str, object]) -> None:
+        """Change an order that no vehicle has; see :meth:`LifeCycle.change_order`."""
         with self.change():
-            order = self.state.orders.get(number)
-            self.state.orders.put(order.intended_for(vehicle, self.context.clock.now()))
-            self.state.dispatch_due = True
+            self.life_cycle.change_order(self.state.orders.get(number), changes)
 
     def reroute(self, vehicle: FleetVehicle, kind: ReroutingType) -> Rerouted:
         """Replan the route of a vehicle's order; see :meth:`Rerouting.request`."""

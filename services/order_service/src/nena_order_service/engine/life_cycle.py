@@ -111,13 +111,14 @@ class LifeCycle:
         ended: Mapping[str, TransportOrderState] | None = None,
         *,
         automatic: bool = False,
+        by: str | None = None,
     ) -> TransportOrder:
         """Create an order from a validated request, and dispatch it if possible.
 
-        ``ended`` has the final states of dependencies that are no longer in memory.
+        ``ended`` has the final states of dependencies that are no longer in memory; ``by``: who requested it.
         """
         now, number = self._clock.now(), self._orders.next_number()
-        order = TransportOrder.created(request, number=number, name=name, now=now, automatic=automatic)
+        order = TransportOrder.created(request, number=number, name=name, now=now, automatic=automatic, by=by)
         why = self._context.finder.why_unroutable(request.destinations, order.resources_to_avoid)
         order = order.unroutable(why, now) if why else order.activated()
         self._sequences.append_order(order)
@@ -141,6 +142,14 @@ class LifeCycle:
         if not begun and not order.state.final:
             self.withdraw_order(order, Reason(R.NOT_STARTED), immediate=True)
         return begun
+
+    def change_order(self, order: TransportOrder, changes: Mapping[str, object]) -> None:
+        """Change an order that no vehicle has, by field name, and dispatch it again."""
+        order = order.altered(changes, self._clock.now())
+        self._orders.put(order)
+        self._watch_times(order)
+        self._state.dispatch_due = True
+        log.info("order changed", order=order.name, fields=sorted(changes))
 
     def withdraw_order(self, order: TransportOrder, reason: Reason | str, *, immediate: bool) -> None:
         """Withdraw an order that has not ended (openTCS: withdrawal).
@@ -218,10 +227,8 @@ class LifeCycle:
                 self.withdraw_order(order, deadlines.reason(order, now), immediate=True)
 
     def _watch_times(self, order: TransportOrder) -> None:
-        if deadline := deadlines.deadline_of(order):
-            self._deadlines.watch(order.number, deadline)
-        if timeout := deadlines.timeout_of(order):
-            self._timeouts.watch(order.number, timeout)
+        self._deadlines.watch(order.number, deadlines.deadline_of(order))
+        self._timeouts.watch(order.number, deadlines.timeout_of(order))
 
     # Dispatching
 

@@ -32,9 +32,12 @@ class DueTimes:
         """Return the number of entries."""
         return len(self._queue)
 
-    def watch(self, number: int, time: datetime) -> None:
-        """Watch an order, replacing its earlier entry."""
+    def watch(self, number: int, time: datetime | None) -> None:
+        """Watch an order, replacing its earlier entry; None: no longer."""
         if self._times.get(number) == time:
+            return
+        if time is None:
+            del self._times[number]
             return
         self._times[number] = time
         heappush(self._queue, (time, number))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
 from secrets import token_hex
-from typing import Any, Self
+from typing import Any, Self, cast
 
+from nena_shared.clock import iso
 from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained
 from nena_shared.fleet_api.transport_order import (
     DriveOrderState,
@@ -40,6 +41,8 @@ class EventCode(StrEnum):
     SKIPPED = "nena:skipped"
     DEADLINE_PASSED = "nena:deadlinePassed"
     REROUTED = "nena:rerouted"
+    CHANGED = "nena:changed"
+    """A host changed its priority, deadline or timeout."""
     INTENDED_VEHICLE_CHANGED = "nena:intendedVehicleChanged"
     WITHDRAWAL_REQUESTED = "nena:withdrawalRequested"
     ADOPTED_AFTER_RESTART = "nena:adoptedAfterRestart"
@@ -143,8 +146,9 @@ class TransportOrder:
         name: str,
         now: datetime,
         automatic: bool = False,
+        by: str | None = None,
     ) -> Self:
-        """Create a RAW order; ``automatic``: not requested by a host."""
+        """Create a RAW order; ``automatic``: not requested by a host; ``by``: who requested it."""
         asked = vars(request)
         status = TransportOrderStatus(
             name=name,
@@ -158,6 +162,7 @@ class TransportOrder:
             ),
             current_drive_order_index=-1,
             created=now,
+            created_by=by,
             history=(HistoryEntry(timestamp=now, event_code=EventCode.ORDER_CREATED),),
             traceparent=request.traceparent,
             **{field: asked[field] for field in REQUEST_FIELDS},
@@ -168,8 +173,20 @@ class TransportOrder:
         """Return whether ``request`` equals the one that created the order, apart from names."""
         same_stops = tuple(order.destination for order in self.status.drive_orders) == request.destinations
         return same_stops and all(
-            getattr(self.status, field) == getattr(request, field) for field in REQUEST_FIELDS
+            getattr(self.status, field) == getattr(request, field)
+            for field in REQUEST_FIELDS
+            if field not in self._changed_fields
         )
+
+    @property
+    def _changed_fields(self) -> set[str]:
+        """Fields of its request that were changed later."""
+        entries = self.status.history
+        vehicle = any(each.event_code == EventCode.INTENDED_VEHICLE_CHANGED for each in entries)
+        words = (
+            word for each in entries if each.event_code == EventCode.CHANGED for word in each.supplements
+        )
+        return {word.partition("=")[0] for word in words} | ({"intended_vehicle"} if vehicle else set())
 
     @property
     def name(self) -> str:
@@ -260,6 +277,23 @@ class TransportOrder:
         history = (*self.status.history, entry)
         reason = self.reason if self.state is S.ACTIVE or self.held else WAITS_FOR_TURN
         return self.changed(intended_vehicle=vehicle, history=history, **explained(reason))
+
+    def altered(self, changes: Mapping[str, object], now: datetime) -> Self:
+        """Change the priority, intended vehicle, deadline or timeout of an unassigned order."""
+        self.require("changing it", S.ACTIVE, S.DISPATCHABLE)
+        new = {name: value for name, value in changes.items() if getattr(self.status, name) != value}
+        order = self
+        if "intended_vehicle" in new:
+            order = self.intended_for(cast("str | None", new.pop("intended_vehicle")), now)
+        if not new:
+            return order
+        words = (
+            f"{name}={iso(value) if isinstance(value, datetime) else value}" for name, value in new.items()
+        )
+        entry = self.entry(now, EventCode.CHANGED, *words)
+        if "deadline" in new:
+            new["late"] = False  # until the new one has passed
+        return order.changed(history=(*order.status.history, entry), **new)
 
     def deferred(self, reason: Reason, now: datetime) -> Self:
         """Note why a DISPATCHABLE order is not assigned yet; the same reason again changes nothing."""

@@ -70,6 +70,8 @@ RESOURCES = re.compile(
     r"(transportOrders|vehicles|paths|stops|schedules)(/[^/]+(/[A-Za-z]+)?)?|traffic/plan|audit|zoneSets|recordings"
 )
 """Paths of forwarded queries and commands: the resources that the panel uses."""
+ALTERATIONS = re.compile(r"transportOrders/[^/]+")
+"""Paths of forwarded changes of single fields (PATCH): waiting orders."""
 CHANGES = re.compile(r"paths/[^/]+/lock|vehicles/[^/]+/integrationLevel|schedules/[^/]+(/enabled)?")
 """Paths of forwarded changes (PUT): lock of a path, integration level, schedules."""
 REMOVALS = re.compile(r"schedules/[^/]+")
@@ -111,6 +113,7 @@ def make_router(settings: OrderServiceSettings) -> APIRouter:
     router.get("/{path:path}", name="ask")(forward)
     router.post("/{path:path}", name="command")(forward)
     router.put("/{path:path}", name="change")(forward)
+    router.patch("/{path:path}", name="alter")(forward)
     router.delete("/{path:path}", name="remove")(forward)
     return router
 
@@ -152,7 +155,7 @@ def resource_of(request: Request) -> str:
     raw: bytes = request.scope["raw_path"]
     path = raw.decode("ascii").split("?", 1)[0].removeprefix(f"{PREFIX}/")
     dots = any(unquote(part) in (".", "..") for part in path.split("/"))
-    allowed = {"PUT": CHANGES, "DELETE": REMOVALS}.get(request.method, RESOURCES)
+    allowed = {"PUT": CHANGES, "PATCH": ALTERATIONS, "DELETE": REMOVALS}.get(request.method, RESOURCES)
     if dots or not allowed.fullmatch(path):
         detail = f"No command at {request.url.path}; see /api/v1/openapi.json."
         raise ProblemError(Rejection.UNKNOWN_COMMAND, detail)

@@ -62,7 +62,7 @@ class Operation(Generic[A]):
     name: str
     """Name of the operation in OpenAPI and AsyncAPI, and of the MQTT command."""
     summary: str
-    method: Literal["GET", "POST", "PUT", "DELETE"]
+    method: Literal["GET", "POST", "PUT", "PATCH", "DELETE"]
     path: str
     """REST path; ``{name}`` is the name of the object."""
     answer: type[A]

@@ -93,6 +93,19 @@ ASSIGNMENT = Operation(
     refusals=_STORED,
 )
 
+CHANGE_ORDER = Operation(
+    "changeOrder",
+    "Change the priority, vehicle, deadline or timeout of a transport order that no vehicle has yet.",
+    "PATCH",
+    f"{ORDERS}/{{name}}",
+    transport_order.TransportOrderStatus,
+    request=requests.OrderChange,
+    versioned=True,
+    subject="transport_order",
+    result="transport_order",
+    refusals=(*_CHANGE, Refusal.UNKNOWN_VEHICLE, Refusal.ORDER_ASSIGNED),
+)
+
 WITHDRAW = Operation(
     "withdraw",
     "Withdraw a transport order. It fails at once, or when its vehicle has released it.",

@@ -15,7 +15,7 @@ from nena_order_service.engine.engine import Engine
 from nena_order_service.extensions.opentcs.answers import Body, NotPossibleError
 from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_shared.fleet_api.base import Moment
-from nena_shared.fleet_api.requests import WithdrawalRequest
+from nena_shared.fleet_api.requests import OrderChange, WithdrawalRequest
 from nena_shared.fleet_api.transport_order import (
     OrderSequenceRequest,
     Property,
@@ -156,7 +156,7 @@ def _add_orders(app: FastAPI, hosts: HostServices) -> None:
     @app.post(f"{ORDERS}/{{name}}")
     async def create(name: str, body: CreationRequest) -> TransportOrderState:
         request = TransportOrderRequest.model_validate({"name": name, **body.model_dump(exclude_none=True)})
-        order, new = await hosts.orders.create_order(request)
+        order, new = await hosts.orders.create_order(request, "openTCS")
         if not new:
             # openTCS: a name that is taken is 409, even by the same request.
             raise errors.NameTakenError(name)
@@ -179,7 +179,7 @@ def _add_assignment(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
     @app.put(f"{ORDERS}/{{name}}/intendedVehicle", response_class=Response)
     async def intend(name: str, vehicle: str | None = None) -> None:
         try:
-            await hosts.orders.set_intended_vehicle(name, vehicle)
+            await hosts.orders.change_order(name, OrderChange(intended_vehicle=vehicle))
         except errors.OrderAssignedError as error:
             raise NotPossibleError(str(error)) from error
 

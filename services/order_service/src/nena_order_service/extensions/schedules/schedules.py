@@ -263,7 +263,7 @@ class Schedules:
                 open_orders = (*filter(self._is_open_order, schedule.open_orders), name)
                 done = done.model_copy(update={"open_orders": open_orders})
                 with self._engine.change():  # together, so that no restart creates it again
-                    self._engine.life_cycle.create_order(request, name)
+                    self._engine.life_cycle.create_order(request, name, by=f"schedule {schedule.name}")
                     self._put_schedule(schedule.name, done)
                 self.outcomes[CREATED] += 1
                 log.info("order created by schedule", schedule=schedule.name, order=name, late=bool(late))
