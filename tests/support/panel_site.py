@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import httpx
@@ -13,6 +14,17 @@ from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
 from support.order_service_fleet import Fleet, vehicle_idle
 from support.panel import opened
+from support.programs import OrderServiceProgram, Program
+
+
+@dataclass
+class PanelSite:
+    """The panel, and the programs behind it."""
+
+    page: Page
+    orders: httpx.AsyncClient
+    order_service: OrderServiceProgram
+    agent: Program
 
 
 @asynccontextmanager
@@ -20,9 +32,18 @@ async def site(
     broker: Broker, interface_name: str, folder: Path, browser: Browser, *, expected: tuple[str, ...] = ()
 ) -> AsyncIterator[tuple[Page, httpx.AsyncClient]]:
     """Run a robot, an order service and an aggregator; yield the panel and a client of the order service."""
+    async with panel_site(broker, interface_name, folder, browser, expected=expected) as made:
+        yield made.page, made.orders
+
+
+@asynccontextmanager
+async def panel_site(
+    broker: Broker, interface_name: str, folder: Path, browser: Browser, *, expected: tuple[str, ...] = ()
+) -> AsyncIterator[PanelSite]:
+    """Run a robot, an order service and an aggregator; yield them with the panel."""
     fleet, port = Fleet(broker, interface_name, folder), free_port()
     with fleet.stack:
-        fleet.agent()
+        agent = fleet.agent()
         service = fleet.order_service()
         async with await service.client() as orders:
             await vehicle_idle(orders)
@@ -36,4 +57,4 @@ async def site(
                 ) as page:
                     shown = page.locator("tr[data-robot]").filter(has_text="Robot-01")
                     await expect(shown).to_contain_text("Idle")
-                    yield page, orders
+                    yield PanelSite(page, orders, service, agent)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
 from support.order_service_fleet import Fleet
 from support.panel import COLOUR_NEAR, becomes, findings, opened, picture
-from support.panel_site import site
+from support.panel_site import panel_site, site
 from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -66,6 +67,58 @@ async def test_all_robots_are_stopped_and_released(
         await expect(banner(page)).to_have_count(0)
         await stops_are(orders)
         await expect(robot(page)).to_contain_text("Idle")
+
+
+async def begin_stop(page: Page) -> None:
+    await page.get_by_role("button", name="Stop all").click()
+    await page.get_by_label("Your name").fill("Anna")
+    await page.get_by_label("Reason").fill("fire drill")
+    await page.get_by_role("button", name="Stop all robots").click()
+
+
+async def test_all_robots_are_stopped_and_released_without_the_order_service(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with panel_site(broker, interface_name, tmp_path, browser, expected=("502",)) as shown:
+        page = shown.page
+        shown.order_service.process.kill()
+        await begin_stop(page)
+        await expect(banner(page)).to_contain_text("All robots paused by Anna")
+        await expect(banner(page).get_by_text("The order service does not answer")).to_be_visible()
+        await expect(banner(page)).to_contain_text("1 of 1 robots paused")
+        await expect(robot(page)).to_contain_text("Paused")
+        assert await findings(page) == []
+        await picture(page, "stopped-without-order-service")
+
+        await expect(page.get_by_text("The order service is down")).to_be_visible()
+        await page.get_by_role("button", name="Stop area").click()
+        await expect(page.get_by_text("only it can stop an area")).to_be_visible()
+        await banner(page).get_by_role("button", name="End …").click()
+        await banner(page).get_by_label("Reason").fill("over")
+        await banner(page).get_by_role("button", name="End stop").click()
+        await expect(banner(page)).to_have_count(0)
+        await expect(robot(page)).not_to_contain_text("Paused")
+
+
+async def test_robots_that_do_not_confirm_are_named_with_what_to_do(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with panel_site(broker, interface_name, tmp_path, browser) as shown:
+        shown.agent.process.send_signal(signal.SIGSTOP)
+        others = banner(shown.page)
+        try:
+            await begin_stop(shown.page)
+            await expect(others).to_contain_text("Waiting up to 10 s for the confirmation of 1: Robot-01")
+            late = "1 not confirmed after 10 s. Walk there"
+            await expect(others).to_contain_text(late, timeout=PATIENCE * 1000)
+            await expect(others).to_contain_text("Robot-01")
+            assert await findings(shown.page) == []
+            await picture(shown.page, "stop-not-confirmed")
+        finally:
+            shown.agent.process.send_signal(signal.SIGCONT)
+        await expect(others).to_contain_text("1 of 1 robots paused", timeout=PATIENCE * 1000)
+        await expect(others.get_by_text("Walk there")).to_be_hidden()
+        await expect(others.get_by_text("The order service does not answer")).to_be_hidden()
 
 
 async def test_area_is_drawn_on_the_map_and_paused(

@@ -176,8 +176,20 @@ async def test_aggregator_answers_the_robot_whose_recording_it_receives(running:
         assert robot.topics == [own]
 
 
+async def test_aggregator_pauses_robots_without_the_order_service(running: RunningSite) -> None:
+    pauses, stop = of_robot("1", "instantActions"), "nena/v1/directStops/stop-1"
+    async with (
+        running.client(ROBOT_1, *pauses) as robot,
+        running.client(ORDER_SERVICE, stop) as service,
+        running.client(AGGREGATOR) as aggregator,
+    ):
+        aggregator.publish(*pauses, stop)
+        await all_came(robot, pauses)
+        await all_came(service, [stop])
+
+
 async def test_aggregator_cannot_publish_anything_else(running: RunningSite) -> None:
-    robots = [*said_by_robot("1"), *of_robot("1", *SAID_TO_ROBOTS)]
+    robots = [*said_by_robot("1"), *of_robot("1", "order", "zoneSet", "responses")]
     forbidden = (*robots, *OF_ANOTHER_HOST, *TOLD_BY_THE_ORDER_SERVICE, *COMMANDS_OF_NOBODY)
 
     await nothing_gets_through(running, AGGREGATOR, *forbidden, "nena/v1/hosts/wms/transportOrders/create")

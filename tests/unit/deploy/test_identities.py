@@ -91,5 +91,8 @@ def test_only_the_order_service_writes_orders() -> None:
     assert "write uagv/v2/+/+/order" in rules_of(Kind.ORDER_SERVICE, "order-service")
     rules = rules_of(Kind.STATUS_AGGREGATOR, "status-aggregator")
     assert [each for each in rules if not each.startswith("read ")] == [
-        "write nena/v1/robots/+/+/recordings/answer"
+        "write nena/v1/robots/+/+/recordings/answer",
+        "write nena/v1/directStops/+",
+        "write uagv/v2/+/+/instantActions",
+        "write vda5050/v3/+/+/instantActions",
     ]

@@ -15,6 +15,7 @@ from fastapi import FastAPI
 from nena_order_service.api.asyncapi import document
 from nena_order_service.api.audit import record_current
 from nena_order_service.api.broker_check import BrokerCheck
+from nena_order_service.api.direct_stops import DirectStopTakeover
 from nena_order_service.api.events import EventStream
 from nena_order_service.api.hosts import HostServices
 from nena_order_service.api.metrics import exposition
@@ -148,6 +149,7 @@ class OrderService:
 
         limits = MqttLimits(settings.hosts, clock)
         self.mqtt_api = MqttApi(mqtt, topics, self.operations, limits, max_body=settings.max_body)
+        self.direct_stops = DirectStopTakeover(mqtt, topics, engine, hosts.trail)
         service = Service(
             plant_json=plant_json,
             change_plant=change_plant,
@@ -222,6 +224,7 @@ class OrderService:
         self.publisher.close()
         self.heartbeat.end(self.mqtt)
         await self.mqtt_api.close()
+        await self.direct_stops.close()
         for extension in self.extensions.values():
             await extension.end()
 

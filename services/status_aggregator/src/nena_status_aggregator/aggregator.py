@@ -16,6 +16,7 @@ from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
 from nena_status_aggregator.api.events import EventStream
+from nena_status_aggregator.direct_stops import DirectStops
 from nena_status_aggregator.extension import Core, Extension
 from nena_status_aggregator.fleet.events import Event
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
@@ -62,9 +63,11 @@ class Aggregator:
         )
         self.model = FleetModel(limits, self._on_event)
         self.link = FleetSubscriber(settings, self.model, clock)
+        topics = FleetTopics(settings.topic_prefix)
+        self.direct_stops = DirectStops(self.link.mqtt, self.model, topics, clock)
         core = Core(
             clock=clock,
-            topics=FleetTopics(settings.topic_prefix),
+            topics=topics,
             share=self.share,
             history=self.history,
             subscribe=partial(self.link.mqtt.subscribe, needed=False),
@@ -109,6 +112,7 @@ class Aggregator:
             time_s = self.clock.monotonic()
             self.link.read_postponed()
             self.link.report_limits()
+            self.direct_stops.pause_and_release()
             if self.events.clients:
                 followed_until = time_s + IDLE_DELAY
             if time_s < followed_until:

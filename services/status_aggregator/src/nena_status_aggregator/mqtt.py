@@ -218,6 +218,7 @@ class FleetSubscriber:
             # What a robot left at the broker below an earlier version or interface name is outdated.
             if self._sources.accepts(key, scheme, message, retained=inbound.retained):
                 take(key, message, at, inbound)
+                self._model.on_source(key, scheme, message.version)
                 if self._repaired:
                     self._model.on_deviations(key, self._deviations.of(key))
 

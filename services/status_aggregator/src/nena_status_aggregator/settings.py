@@ -172,6 +172,11 @@ class OrderServiceSettings(SettingsGroup):
         description="URL of the order service, e.g. http://127.0.0.1:55200. Unset: no commands in the panel.",
     )
     timeout: float = Field(60.0, gt=0, le=600, description="Timeout of a command, seconds.")
+    direct_stop: bool = Field(
+        default=True,
+        description="Whether *Stop all* pauses the robots without the order service if that does not answer "
+        "within 2 s. Set false if the order service requires a login and this aggregator does not.",
+    )
     ca: Path | None = Field(
         None, description="CA bundle (PEM) for the order service. Unset: the system CA store."
     )

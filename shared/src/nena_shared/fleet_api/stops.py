@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
 from nena_shared.fleet_api.base import Moment, ObjectName, Request, Resource
 from nena_shared.fleet_api.reasons import OptionalReason
+from nena_shared.vda5050.topics import RobotKey
 
 Person = Annotated[str, Field(min_length=1, max_length=100)]
 Words = Annotated[str, Field(min_length=1, max_length=500)]
@@ -95,6 +96,36 @@ class StopStatus(Resource):
     """The others."""
     ended: Moment | None = None
     """Set in the answer to the request that ends it."""
+
+
+class DirectStop(Resource):
+    """A stop of all robots that the status aggregator has begun without the order service; retained.
+
+    The order service continues or records it when it is back, and clears it. Versions of several writers are
+    merged: an end is final.
+    """
+
+    name: str
+    by: str
+    reason: str
+    since: Moment
+    user: str
+    """User of the token, for the audit trail."""
+    paused: frozenset[RobotKey] = frozenset()
+    """Robots that it has paused, and that continue at its end."""
+    ended: Moment | None = None
+    ended_by: str = ""
+    end_reason: str = ""
+    ended_by_user: str = ""
+
+    def merged_with(self, other: DirectStop) -> DirectStop:
+        """Return this version with what only the other one knows."""
+        base = other if other.ended and not self.ended else self
+        return base.model_copy(update={"paused": self.paused | other.paused})
+
+
+DIRECT_ACTION: Final = "nena-stop-"
+"""Beginning of the IDs of instant actions that the status aggregator sends."""
 
 
 class StopList(Resource):

@@ -135,6 +135,15 @@ class FleetTopics:
         return f"{self.prefix}/orderService/status"
 
     @property
+    def direct_stops(self) -> str:
+        """Topic filter of stops without the order service."""
+        return self.direct_stop("+")
+
+    def direct_stop(self, name: str) -> str:
+        """Return the topic of a :class:`DirectStop`, retained until the order service has taken it over."""
+        return f"{self.prefix}/directStops/{name}"
+
+    @property
     def plant_model(self) -> str:
         """Topic of the plant model, as JSON, retained."""
         return f"{self.prefix}/plantModel"
@@ -150,6 +159,10 @@ class FleetTopics:
     def name_in(self, topic: str) -> str:
         """Return the name of the order, sequence or location, or the serial number, in its ``topic``."""
         return unquote(topic.split("/")[-2])
+
+    def name_below(self, topic: str) -> str:
+        """Return the last level of a topic, such as the name of a direct stop."""
+        return topic.rpartition("/")[2]
 
     def leader(self, interface_name: str) -> str:
         """Return the topic of the record of the order service that leads a fleet, retained."""

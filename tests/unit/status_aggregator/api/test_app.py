@@ -22,6 +22,8 @@ async def test_openapi_document_is_served(client: httpx.AsyncClient) -> None:
         "/api/v1/robots/{manufacturer}/{serial}/map",
         "/api/v1/orders",
         "/api/v1/peripherals",
+        "/api/v1/control/stops",
+        "/api/v1/control/stops/{name}/end",
         "/api/v1/plant",
         "/api/v1/attention",
         "/api/v1/attention/{matter_id}/acknowledgement",

@@ -229,3 +229,26 @@ async def test_unavailable_order_service_is_reported() -> None:
         answer = await client.post("/transportOrders", json=ORDER)
     assert answer.status_code == 502
     assert "Check that it is running" in answer.json()["detail"]
+
+
+DRILL = {"by": "Anna", "reason": "fire drill"}
+
+
+@pytest.mark.parametrize("body", [DRILL, {**DRILL, "area": {"xMin": 0, "yMin": 0, "xMax": 1, "yMax": 1}}])
+async def test_stop_is_forwarded_while_the_order_service_answers(
+    client: httpx.AsyncClient, far: Far, body: dict[str, Any]
+) -> None:
+    answer = await client.post("/stops", json=body)
+    assert (answer.status_code, answer.json()) == (201, {"name": "TO-1"})
+    assert far.asked == [("POST", "/v1/stops", body)]
+    await client.post("/stops/stop-1/end", json=DRILL)
+    assert far.asked[1:] == [("POST", "/v1/stops/stop-1/end", DRILL)]
+
+
+async def test_nobody_is_told_to_stop_without_order_service_and_broker() -> None:
+    async with client_of(free_port()) as client:
+        answer = await client.post("/stops", json=DRILL)
+        area = {**DRILL, "area": {"xMin": 0, "yMin": 0, "xMax": 1, "yMax": 1}}
+        assert (await client.post("/stops", json=area)).status_code == 502
+    assert answer.status_code == 503
+    assert "Walk to the robots" in answer.json()["detail"]

@@ -182,6 +182,9 @@ def _rules_of(identity: Identity, topics: SiteTopics) -> Iterator[str]:
                 yield f"read {scheme.interface_name}/{scheme.major_version}/#"
             yield f"read {topics.prefix}/#"
             yield f"write {fleet.all_recording_answers}"
+            # To pause all robots while the order service does not answer.
+            yield f"write {fleet.direct_stops}"
+            yield from (f"write {scheme.of(ANY_ROBOT, Topic.INSTANT_ACTIONS)}" for scheme in topics.schemes)
 
 
 def _of_device(location: str, fleet: FleetTopics) -> Iterator[str]:

@@ -41,7 +41,7 @@ from nena_shared.fleet_api.peripherals import (
     PeripheralState,
 )
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
-from nena_shared.fleet_api.stops import StopRequest
+from nena_shared.fleet_api.stops import DirectStop, StopRequest
 from nena_shared.fleet_api.transport_order import (
     TransportOrderRequest,
     TransportOrderState,
@@ -332,6 +332,10 @@ class Engine:
     def begin_stop(self, request: StopRequest, by: str) -> FleetStop:
         """Pause all robots, or those in an area, and reroute others around it; see :meth:`Stops.begin`."""
         return self._change_stops(lambda: self.stops.begin(request, by))
+
+    def continue_stop(self, direct: DirectStop) -> FleetStop:
+        """Continue a stop that the status aggregator has begun; see :meth:`Stops.continue_direct`."""
+        return self._change_stops(lambda: self.stops.continue_direct(direct))
 
     def end_stop(self, name: str, by: str, reason: str) -> FleetStop:
         """End a stop; see :meth:`Stops.end`."""

@@ -26,7 +26,14 @@ from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.traffic.areas import resources_in
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained
-from nena_shared.fleet_api.stops import Area, StopRequest, StopStatus, UnpausedVehicle, VehicleStop
+from nena_shared.fleet_api.stops import (
+    Area,
+    DirectStop,
+    StopRequest,
+    StopStatus,
+    UnpausedVehicle,
+    VehicleStop,
+)
 from nena_shared.log import get_logger
 from nena_shared.plant import MapPlace
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
@@ -163,21 +170,55 @@ class Stops:
         """Begin a stop; raises TooManyStopsError."""
         if len(self._stops) >= STOPS_LIMIT:
             raise TooManyStopsError(STOPS_LIMIT)
-        number = max((stop.number for stop in self._stops.values()), default=0) + 1
         stop = FleetStop(
-            number=number,
+            number=self._next_number(),
             name=f"stop-{unique_id()[:8]}",
             by=by,
             reason=request.reason,
             since=self._clock.now(),
             area=request.area,
         )
+        self._begin(stop)
+        return stop
+
+    def same_as(self, direct: DirectStop) -> FleetStop | None:
+        """Return the active stop for the same request, which may arrive after the aggregator gave it up."""
+        wanted = direct.by, direct.reason, None
+        return next(
+            (each for each in self._stops.values() if (each.by, each.reason, each.area) == wanted), None
+        )
+
+    def continue_direct(self, direct: DirectStop) -> FleetStop:
+        """Continue a stop that the status aggregator has begun: its robots continue at the end."""
+        stop = self.same_as(direct)
+        if stop is None:
+            stop = FleetStop(
+                number=self._next_number(),
+                name=direct.name,
+                by=direct.by,
+                reason=direct.reason,
+                since=direct.since,
+            )
+            self._begin(stop)
+        for robot in direct.paused:
+            record = self._robots.get(robot)
+            names = record.stops if record else ()
+            names = names if stop.name in names else (*names, stop.name)
+            put = StoppedRobot(
+                manufacturer=robot.manufacturer, serial_number=robot.serial_number, stops=names, resume=True
+            )
+            self._put_robot(put, self._context.registry.discover(robot))
+        return stop
+
+    def _next_number(self) -> int:
+        return max((stop.number for stop in self._stops.values()), default=0) + 1
+
+    def _begin(self, stop: FleetStop) -> None:
         self._add_stop(stop)
         self._lock_areas(stop)
         self._state.pending.stored.documents[STOP, stop.name] = stop.model_dump_json(exclude_none=True)
         self._state.after_commit(partial(self._show_committed, dict(self._stops)))
-        log.warning("robots stopped", stop=stop.name, by=by, reason=stop.reason, area=bool(stop.area))
-        return stop
+        log.warning("robots stopped", stop=stop.name, by=stop.by, reason=stop.reason, area=bool(stop.area))
 
     def end(self, name: str, by: str, reason: str) -> FleetStop:
         """End a stop; raises UnknownStopError."""

@@ -29,6 +29,7 @@ from nena_order_service.fleet.statistics import FleetStatistics
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
+from nena_shared.fleet_api.stops import DIRECT_ACTION
 from nena_shared.fleet_api.topics import suits_all_brokers
 from nena_shared.log import get_logger
 from nena_shared.mqtt import BrokerLink, Inbound, Outbound
@@ -568,6 +569,8 @@ class FleetLink:
         """Log an error if another program commands robots; the broker returns our own commands as well."""
         if not inbound.payload or hash((inbound.topic, inbound.payload)) in self._sent:
             return
+        if DIRECT_ACTION.encode() in inbound.payload:
+            return  # of the aggregator's stop, which this service takes over
         if self.statistics.foreign % MALFORMED_LOGGED_EACH == 0:
             log.error(
                 "another program commands robots of this fleet",

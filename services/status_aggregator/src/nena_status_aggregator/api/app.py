@@ -30,6 +30,7 @@ from nena_status_aggregator.api import (
     oidc,
     problems,
     session,
+    stops,
 )
 from nena_status_aggregator.api.oidc import sign_in_of
 from nena_status_aggregator.api.problem_types import DESCRIBED, OPENAPI, Rejection
@@ -160,8 +161,10 @@ def make_app(
         for router in extension.routers():
             app.include_router(router)
     control_settings = order_service or OrderServiceSettings()
+    commands = control.OrderServiceClient(control_settings)
     app.include_router(attention.make_router(aggregator, control_settings.trusted_hosts))
-    app.include_router(control.make_router(control_settings))
+    app.include_router(stops.make_router(commands, control_settings, aggregator))
+    app.include_router(control.make_router(commands, control_settings.trusted_hosts))
     app.include_router(events.make_router(aggregator.events))
     app.include_router(make_problem_router(DESCRIBED, OPENAPI))
     app.include_router(make_health_router(aggregator, Exposition(aggregator)))

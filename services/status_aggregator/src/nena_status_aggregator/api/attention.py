@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Request, Response
 
 from nena_shared.fleet_api.attention import AcknowledgementRequest, AttentionList, Matter
 from nena_shared.web.access import KnownUser
 from nena_status_aggregator.aggregator import Aggregator
-from nena_status_aggregator.api.control import check_origin
+from nena_status_aggregator.api.control import own_page
 from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import ProblemError, as_json, require
 
 
 def make_router(aggregator: Aggregator, trusted_hosts: tuple[str, ...]) -> APIRouter:
     """Create the routes; acknowledgements are accepted from the panel's own page and from programs."""
-
-    async def own_page(request: Request) -> None:
-        check_origin(request, trusted_hosts)
-
     router = APIRouter(prefix="/api/v1/attention", tags=["attention"])
     registry = aggregator.model.attention
 
@@ -29,7 +25,7 @@ def make_router(aggregator: Aggregator, trusted_hosts: tuple[str, ...]) -> APIRo
 
     @router.post(
         "/{matter_id:path}/acknowledgement",
-        dependencies=[Depends(own_page)],
+        dependencies=[own_page(trusted_hosts)],
         responses={200: {"model": Matter}},
     )
     async def acknowledgement(matter_id: str, body: AcknowledgementRequest, request: Request) -> Response:

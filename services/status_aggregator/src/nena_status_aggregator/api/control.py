@@ -7,13 +7,14 @@ commands must be JSON (which needs a CORS preflight that is never granted), and 
 
 from __future__ import annotations
 
+import asyncio
 import re
 import ssl
 from typing import Annotated
 from urllib.parse import SplitResult, unquote, urlsplit
 
 import httpx
-from fastapi import APIRouter, Depends, Path, Request, Response
+from fastapi import APIRouter, Path, Request, Response, params
 from typing_extensions import TypedDict
 
 from nena_shared.log import get_logger
@@ -28,33 +29,45 @@ log = get_logger(__name__)
 class OrderServiceClient:
     """Forwards requests to the order service, each with its own connection and without retries."""
 
-    def __init__(self, url: str, settings: OrderServiceSettings) -> None:
-        """Create the client; ``url`` is the base URL of the order service, without ``/v1``."""
-        self._url = url.rstrip("/")
+    def __init__(self, settings: OrderServiceSettings) -> None:
+        self._url = str(settings.url).rstrip("/") if settings.url else ""
         self._timeout = httpx.Timeout(settings.timeout, connect=min(5.0, settings.timeout))
         self._tls = ssl.create_default_context(cafile=settings.ca)
 
+    @property
+    def enabled(self) -> bool:
+        """Whether it has a URL."""
+        return bool(self._url)
+
     async def forward(
-        self, method: str, path: str, query: str, body: bytes | None, *, token: str
+        self, request: Request, body: bytes | None = None, *, within: float | None = None
     ) -> Response:
-        """Send one request and return its response; ``path`` is percent-encoded and relative to ``/v1/``.
+        """Forward one request and return its response; ``within``: maximum time, seconds; None: as set.
 
         Raises:
-            ProblemError: 502 without an answer. A command may have been executed nevertheless.
+            ProblemError: 404 for a path that is not forwarded, or without a URL; 502 without an answer. A
+                command may have been executed nevertheless.
 
         """
+        if not self.enabled:
+            detail = "Commands are disabled. Set --order_service.url, e.g. to http://127.0.0.1:55200."
+            raise ProblemError(Rejection.COMMANDS_DISABLED, detail)
+        method, path, query = request.method, resource_of(request), request.url.query
         url = f"{self._url}/v1/{path}" + (f"?{query}" if query else "")
         headers = {"user-agent": "nena-panel"}  # the audit trail shows it
         if body is not None:
             headers["content-type"] = "application/json"
-        if token:
+        if token := token_of(request.scope, cookies=True):
             headers["authorization"] = f"Bearer {token}"
         try:
-            async with httpx.AsyncClient(
-                timeout=self._timeout, verify=self._tls, trust_env=False, follow_redirects=False
-            ) as client:
+            async with (
+                asyncio.timeout(within),
+                httpx.AsyncClient(
+                    timeout=self._timeout, verify=self._tls, trust_env=False, follow_redirects=False
+                ) as client,
+            ):
                 answer = await client.request(method, url, content=body, headers=headers)
-        except httpx.HTTPError as error:
+        except (httpx.HTTPError, TimeoutError) as error:
             reason = str(error) or type(error).__name__
             log.warning("order service not reachable", method=method, path=path, reason=reason)
             detail = f"No answer from the order service ({reason}). Check that it is running and that "
@@ -86,29 +99,27 @@ class Control(TypedDict):
     enabled: bool
 
 
-def make_router(settings: OrderServiceSettings) -> APIRouter:
-    """Create the routes; without a URL of the order service every command is refused."""
-    client = OrderServiceClient(str(settings.url), settings) if settings.url else None
+def own_page(trusted_hosts: tuple[str, ...]) -> params.Depends:
+    """Return the dependency that refuses requests of other pages; see :func:`check_origin`."""
 
-    async def own_page(request: Request) -> None:
-        check_origin(request, settings.trusted_hosts)
+    async def check(request: Request) -> None:
+        check_origin(request, trusted_hosts)
 
-    router = APIRouter(prefix=PREFIX, tags=["control"], dependencies=[Depends(own_page)])
+    return params.Depends(check)
+
+
+def make_router(client: OrderServiceClient, trusted_hosts: tuple[str, ...]) -> APIRouter:
+    """Create the routes."""
+    router = APIRouter(prefix=PREFIX, tags=["control"], dependencies=[own_page(trusted_hosts)])
 
     @router.get("")
     async def control() -> Control:
         """Return whether commands are enabled."""
-        return {"enabled": client is not None}
+        return {"enabled": client.enabled}
 
     async def forward(request: Request, _path: Annotated[str, Path(alias="path")]) -> Response:
         """Forward a request to the order service's `/v1`; see its API."""
-        if client is None:
-            detail = "Commands are disabled. Set --order_service.url, e.g. to http://127.0.0.1:55200."
-            raise ProblemError(Rejection.COMMANDS_DISABLED, detail)
-        path = resource_of(request)
-        body = await _read_body(request) if request.method != "GET" else None
-        token = token_of(request.scope, cookies=True)
-        return await client.forward(request.method, path, request.url.query, body, token=token)
+        return await client.forward(request, await read_body(request) if request.method != "GET" else None)
 
     router.get("/{path:path}", name="ask")(forward)
     router.post("/{path:path}", name="command")(forward)
@@ -162,7 +173,13 @@ def resource_of(request: Request) -> str:
     return path
 
 
-async def _read_body(request: Request) -> bytes:
+async def read_body(request: Request) -> bytes:
+    """Return the body of a command.
+
+    Raises:
+        ProblemError: 415 if it is not JSON, 413 if it is too long.
+
+    """
     if request.headers.get("content-type", "").split(";")[0].strip().lower() != "application/json":
         detail = "Send commands as JSON, with Content-Type: application/json."
         raise ProblemError(Rejection.COMMAND_NOT_JSON, detail)

@@ -89,6 +89,11 @@ class Rejection(ProblemType):
         "The order service does not answer; it may have executed the command.",
         "Check that it runs and that `order_service.url` is correct. Check the order list before retrying.",
     )
+    STOP_NOT_SENT = (
+        HTTPStatus.SERVICE_UNAVAILABLE,
+        "Neither the order service nor the MQTT broker can be reached: no robot was told to stop.",
+        "Walk to the robots and press their emergency stop buttons.",
+    )
     INVALID_RANGE = (
         HTTPStatus.UNPROCESSABLE_ENTITY,
         "The time range is not valid.",

@@ -11,7 +11,9 @@ from weakref import WeakValueDictionary
 from nena_shared.clock import iso
 from nena_shared.fleet_api.peripherals import PeripheralStatus
 from nena_shared.fleet_api.plant import MapImage
+from nena_shared.fleet_api.reasons import explained
 from nena_shared.fleet_api.service_status import ServiceStatus
+from nena_shared.fleet_api.stops import StopStatus, UnpausedVehicle
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant.model import PlantModel
@@ -19,7 +21,8 @@ from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.state import State
-from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.topics import RobotKey, TopicScheme
+from nena_shared.vda5050.versions import nearest_codec
 from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator.fleet.attention import AttentionRegistry, Fleet, find_matters
 from nena_status_aggregator.fleet.event_log import EventLog, Publish
@@ -151,6 +154,8 @@ class FleetModel:
         self._frame = PlantFrame()
         self._key_of_vehicle: dict[str, RobotKey] = {}
         self._plant_version = 0
+        self.direct_stops: tuple[StopStatus, ...] = ()
+        """The active stops that the order service does not know yet."""
         self._public = Publication()
         self._link_since: datetime | None = None
         """Time of the last change of the broker connection; None: it was never established."""
@@ -203,6 +208,11 @@ class FleetModel:
         robot = self._count_and_find(key, MessageKind.ROBOT_MAP, at)
         if robot is not None:
             robot.map = self._maps.share_map(image) if image else None
+
+    def on_source(self, key: RobotKey, scheme: TopicScheme, version: str) -> None:
+        """Note the topics and the version of VDA 5050 of a known robot's message."""
+        if robot := self.robots.get(key):
+            robot.scheme, robot.codec = scheme, nearest_codec(version)
 
     def on_deviations(self, key: RobotKey, deviations: tuple[Repair, ...]) -> None:
         """Apply the deviations of a known robot's messages from the standard."""
@@ -401,13 +411,35 @@ class FleetModel:
         up, sign = self.order_service.is_up(at), self.order_service.last_sign
         # While it is up, the time of each heartbeat would be a change for all clients.
         down_since = iso(sign) if sign and up is False else None
-        stops = [view_stop(stop) for stop in self.order_service.stops]
+        # What it has said about the robots is out of date while it is down; they themselves are not.
+        known = self.order_service.stops if up else map(self.count_paused, self.order_service.stops)
+        stops = [view_stop(stop) for stop in known]
+        stops += [view_stop(stop, direct=True) for stop in self.direct_stops]
         lacks = [*self.order_service.broker_lacks]
         status: OrderServiceView = {"up": up, "lastSign": down_since, "stops": stops, "brokerLacks": lacks}
         self._public.order_service = status
         self._public.jams = [view_jam(jam) for jam in self.queues.find_jams(at)]
         self._public.attention = [*self.attention.matters]
         return self._public.flush(self._view_robot, self._view_order, self._view_peripheral)
+
+    def count_paused(self, stop: StopStatus) -> StopStatus:
+        """Return a stop of all robots with what they report themselves; that of an area as it is."""
+        if stop.area:
+            return stop
+        heard = [robot for robot in self.robots if robot.state or robot.connection]
+        unpaused = tuple(
+            UnpausedVehicle(vehicle=robot.vehicle_name, **explained(reason))
+            for robot in heard
+            if (reason := robot.why_not_paused())
+        )
+        counts = {"vehicles": len(heard), "paused": len(heard) - len(unpaused), "not_paused": unpaused}
+        return stop.model_copy(update=counts)
+
+    def instant_actions_key_of(self, robot: Robot) -> str | None:
+        """Return the name of the list in instant actions to a robot, if it deviates from the standard."""
+        vehicles = self.plant.vehicles if self.plant else ()
+        name = robot.vehicle_name
+        return next((each.instant_actions_key for each in vehicles if each.name == name), None)
 
     def snapshot(self) -> FleetView:
         """Return everything as of the last :meth:`flush`."""

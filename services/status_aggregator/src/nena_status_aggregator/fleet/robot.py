@@ -10,16 +10,18 @@ from typing import NamedTuple
 
 from nena_shared.clock import Clock, ClockSkew
 from nena_shared.fleet_api.plant import MapImage
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.plant import MapPlace, MapPose, MapTransform, PlantModel
 from nena_shared.plant.model import map_transforms
-from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.own_actions import transforms_itself
 from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.state import MobileRobotPosition, State, Velocity
-from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.topics import RobotKey, TopicScheme
 from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator.fleet.condition import (
     Condition,
@@ -179,6 +181,13 @@ class PlantFrame:
         return place.x_m, place.y_m
 
 
+AWAY = {
+    ConnectionState.OFFLINE: Reason(ReasonCode.IS_OFFLINE),
+    ConnectionState.HIBERNATING: Reason(ReasonCode.IS_HIBERNATING),
+    ConnectionState.CONNECTION_BROKEN: Reason(ReasonCode.CONNECTION_LOST),
+}
+"""Why a robot cannot be reached, by its connection."""
+
 LEAST_SILENCE_LIMIT = 35.0
 """Seconds: VDA 5050 requires a state at least every 30 s (3.0, 6.6); 5 s allow for latency."""
 
@@ -193,6 +202,10 @@ class Robot:
         self.key = key
         self.last_message_at = seen.monotonic
         """Time of the last message of any kind, monotonic s."""
+        self.scheme: TopicScheme | None = None
+        """Its topics; None: nothing was received from the robot itself."""
+        self.codec: Codec | None = None
+        """Its version of VDA 5050; None as above."""
         self.connection: Connection | None = None
         self.connection_since = seen.utc
         self.state: State | None = None
@@ -237,6 +250,24 @@ class Robot:
     def id(self) -> str:
         """Manufacturer and serial number."""
         return str(self.key)
+
+    @property
+    def vehicle_name(self) -> str:
+        """Name in the plant model, if the order service knows it; else the serial number."""
+        return self.vehicle.name if self.vehicle else self.key.serial_number
+
+    @property
+    def away_reason(self) -> Reason | None:
+        """Why it cannot be reached, by its connection; None if it can."""
+        return AWAY.get(self.connection.connection_state) if self.connection else None
+
+    def why_not_paused(self) -> Reason | None:
+        """Return, as a predicate, why it does not report that it is paused; None if it does."""
+        if away := self.away_reason:
+            return away
+        if self._silence_noticed:
+            return Reason(ReasonCode.IS_SILENT)
+        return None if self.state and self.state.paused else Reason(ReasonCode.PAUSE_UNCONFIRMED)
 
     @property
     def position(self) -> MobileRobotPosition | None:

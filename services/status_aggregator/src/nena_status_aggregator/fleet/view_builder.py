@@ -130,8 +130,8 @@ def view_robot(
     }
 
 
-def view_stop(stop: StopStatus) -> StopView:
-    """Build the view of a stop."""
+def view_stop(stop: StopStatus, *, direct: bool = False) -> StopView:
+    """Build the view of a stop; ``direct``: the order service does not know it yet."""
     area = stop.area
     return {
         "name": stop.name,
@@ -157,6 +157,7 @@ def view_stop(stop: StopStatus) -> StopView:
             }
             for vehicle in stop.not_paused[:LIST_LIMIT]
         ],
+        "direct": direct,
     }
 
 

@@ -366,6 +366,8 @@ class StopView(TypedDict):
     vehicles: int
     paused: int
     notPaused: list[UnpausedView]
+    direct: bool
+    """Whether the robots were paused without the order service, which does not know the stop yet."""
 
 
 class OrderServiceView(TypedDict):

@@ -7,6 +7,7 @@ import { number, t, timeOfDay } from "./i18n.js";
 import { reasonElement } from "./reasons.js";
 
 const KEY = "nena-person";
+const CONFIRMED_WITHIN = 10_000; // ms
 const CORNERS = ["xMin", "yMin", "xMax", "yMax"];
 
 // The name of the person: the signed-in user, else the name that was last entered in this browser.
@@ -87,6 +88,7 @@ class Stops extends HTMLElement {
 
   /** Attach to the store. */
   show(store, session, noCommands) {
+    this.store = store;
     this.session = session;
     this.noCommands = noCommands;
     this.list = element("div", { role: "status", "aria-live": "assertive" });
@@ -108,7 +110,7 @@ class Stops extends HTMLElement {
   #beginForm(kind) {
     const [by, reason, area] = [personField(this.session), reasonField(), kind === "area" ? new AreaFields() : null];
     const named = element("div", { class: "fields" }, field(t("stops.by"), by), field(t("stops.reason"), reason));
-    const hint = element("p", { class: "hint" }, t(`stops.${kind}.hint`));
+    const hint = element("p", { class: "hint" }, t(`stops.${kind}.${area && this.store.orderService.up === false ? "down" : "hint"}`));
     return commandForm({
       label: t(`stops.${kind}`),
       submit: t(`stops.${kind}.send`),
@@ -136,9 +138,9 @@ class Stops extends HTMLElement {
   }
 
   #add(stop) {
-    const row = { title: element("strong"), reason: verbatim("q"), count: element("span"), others: element("p") };
+    const row = { title: element("strong"), reason: verbatim("q"), count: element("span"), direct: element("p", {}, t("stops.direct")), others: element("p") };
     const line = element("div", { class: "line" }, row.title, row.reason, row.count);
-    row.box = element("section", { class: "stop", "data-stop": stop.name }, line, row.others);
+    row.box = element("section", { class: "stop", "data-stop": stop.name }, line, row.direct, row.others);
     if (!this.noCommands) {
       const form = this.#endForm(stop.name);
       const end = button(t("stops.end"), () => {
@@ -153,6 +155,7 @@ class Stops extends HTMLElement {
     }
     this.#rows.set(stop.name, row);
     this.list.append(row.box);
+    setTimeout(() => this.#update(this.store.orderService.stops), CONFIRMED_WITHIN); // then it says what to do
   }
 
   #fill(row, stop) {
@@ -160,9 +163,12 @@ class Stops extends HTMLElement {
     setText(row.reason, stop.reason);
     const none = t(stop.area ? "stops.area.none" : "stops.all.none");
     setText(row.count, stop.vehicles ? t("stops.count", { paused: number(stop.paused), count: number(stop.vehicles) }) : none);
+    row.direct.hidden = !stop.direct;
     row.others.hidden = !stop.notPaused.length;
+    const late = this.store.now() - Date.parse(stop.since) >= CONFIRMED_WITHIN;
+    const seconds = number(CONFIRMED_WITHIN / 1000);
     refill(row.others, stop.notPaused, () => [
-      element("strong", {}, t("stops.notPaused")),
+      element("strong", {}, t(late ? "stops.unconfirmed" : "stops.confirming", { count: number(stop.vehicles - stop.paused), seconds })),
       ...stop.notPaused.flatMap((each) => [" ", verbatim("span", each.vehicle), " (", reasonElement("span", each), ")"]),
     ]);
   }
