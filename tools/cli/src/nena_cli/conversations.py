@@ -7,6 +7,8 @@ import json
 import sys
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
+from datetime import UTC, datetime
 from os import getpid
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeVar
@@ -18,19 +20,28 @@ from rich.markup import escape
 from nena_cli.options import PLAIN
 from nena_cli.output import echo, fail
 from nena_conversations import broker
-from nena_conversations.broker import EntryFilter
+from nena_conversations.broker import BrokerError, EntryFilter
 from nena_conversations.checker import Checker
+from nena_conversations.kit import report
+from nena_conversations.kit.clause import ClauseFailedError, Verdict
+from nena_conversations.kit.run import RobotUnderTest, first_position, judge_robot
+from nena_conversations.kit.session import ANSWER_WITHIN
 from nena_conversations.message import Sender
 from nena_conversations.recording import Entry, RecordingError, append, new_file, read, read_file
 from nena_conversations.rules import Finding, Severity
 from nena_conversations.show import show as show_conversation
 from nena_shared import log
+from nena_shared.clock import iso
 from nena_shared.settings import ConfigurationError, LogSettings, MqttTlsSettings
 from nena_shared.tasks import TaskFailedError, stop_on_signals
+from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.versions import UnknownVersionError, codec_named, topics_for
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=PLAIN)
 
 T = TypeVar("T")
+
+EXPECTED: Final = (RecordingError, BrokerError, ClauseFailedError, UnknownVersionError, ConfigurationError)
 
 FOUND: Final = 1
 """Exit status of a check that found errors."""
@@ -179,6 +190,97 @@ def check(
     raise typer.Exit(FOUND if errors or (strict and warnings) else 0)
 
 
+tests = typer.Typer(no_args_is_help=True, rich_markup_mode=PLAIN, help="Test a robot against VDA 5050.")
+app.add_typer(tests, name="test")
+
+
+@tests.command("robot")
+def judge(
+    ctx: typer.Context,
+    url: Broker,
+    robot: Annotated[str, typer.Argument(metavar="MANUFACTURER/SERIAL", help="The robot.")],
+    *,
+    version: Annotated[str, typer.Option("--version", help="VDA 5050 version of the robot.")],
+    interface: Annotated[
+        str | None, typer.Option("--interface", help="interfaceName (topic prefix); default: the standard's.")
+    ] = None,
+    place: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X,Y", help="Place in the robot's map that it may drive to, m; repeatable."),
+    ] = None,
+    square: Annotated[
+        float | None, typer.Option(min=1, max=20, help="Instead: drive within this square around it, m.")
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Drive without asking first.")] = False,
+    answer_within: Annotated[
+        float,
+        typer.Option(min=0.1, help="Time for the robot's answers, s; drives take up to six times that."),
+    ] = ANSWER_WITHIN,
+    username: User = None,
+    password_file: Password = None,
+    html: Annotated[Path | None, typer.Option(help="Write the report as one HTML file.")] = None,
+    junit: Annotated[Path | None, typer.Option(help="Write the report as JUnit XML.")] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the report as JSON.")] = None,
+    recording: Annotated[Path | None, typer.Option(help="Write all messages to this file.")] = None,
+) -> None:
+    """Act as a robot's fleet control and judge it clause by clause; status 1 if it violates one.
+
+    Without places or a square, the robot is not moved, and clauses on drives do not apply.
+    """
+    manufacturer, _, serial = robot.partition("/")
+    if not serial:
+        fail(f"{robot!r} is no robot: use MANUFACTURER/SERIAL, as in its topics")
+    client_id = f"nena-test-{getpid()}"
+    with _errors_reported():
+        codec = codec_named(version)
+        address = broker.parse_address(url, username=username, password_file=password_file, tls=ctx.obj)
+        topics = topics_for(codec.version, interface)
+        tested = RobotUnderTest(
+            RobotKey(manufacturer, serial), topics, codec, tuple(map(_place_of, place or ()))
+        )
+        if square is not None:
+            x, y = asyncio.run(first_position(address, tested, client_id))
+            half = square / 2
+            tested = replace(tested, plan=((x, y), (x + half, y), (x + half, y + half)))
+        if tested.plan and not yes:
+            where = ", then ".join(f"({x:.2f}, {y:.2f})" for x, y in tested.plan)
+            question = f"{robot} will drive between {where}, without looking for people. Go on?"
+            typer.confirm(question, abort=True)
+        verdicts, entries = asyncio.run(
+            judge_robot(
+                address, tested, report=_print_verdict, client_id=client_id, answer_within=answer_within
+            )
+        )
+        about = {"robot": robot, "version": codec.version, "time": iso(datetime.now(UTC))}
+        Console(soft_wrap=True).print(report.table(verdicts))
+        if html:
+            html.write_text(report.as_html(verdicts, about), encoding="utf-8")
+        if junit:
+            junit.write_bytes(report.as_junit(verdicts, about))
+        if json_file:
+            json_file.write_bytes(report.as_json(verdicts, about))
+        if recording:
+            with new_file(recording) as out:
+                for entry in entries:
+                    append(entry, out)
+    echo(f"{report.summary(verdicts)}; VDA 5050 {codec.version}")
+    raise typer.Exit(FOUND if report.violations(verdicts) else 0)
+
+
+def _place_of(text: str) -> tuple[float, float]:
+    try:
+        x, y = map(float, text.split(","))
+    except ValueError:
+        fail(f"--place {text!r}: use X,Y in m, such as 2.5,-1")
+    return x, y
+
+
+def _print_verdict(verdict: Verdict) -> None:
+    colour = report.COLOURS[verdict.outcome]
+    console = Console(soft_wrap=True, highlight=False)
+    console.print(f"[{colour}]{verdict.outcome.value:<15}[/] {escape(verdict.id)} [dim]{verdict.section}[/]")
+
+
 def _topic_filters(topics: list[str] | None, interface: str, robot: str | None) -> tuple[str, ...]:
     """Return the chosen topic filters; empty: all topics."""
     chosen = tuple(topics or ())
@@ -241,5 +343,5 @@ def _errors_reported() -> Iterator[None]:
     """Report an expected error in one line and exit with status 2."""
     try:
         yield
-    except (RecordingError, broker.BrokerError, ConfigurationError, TaskFailedError, OSError) as error:
+    except (*EXPECTED, TaskFailedError, OSError) as error:
         fail(error)

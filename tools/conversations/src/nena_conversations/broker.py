@@ -114,7 +114,7 @@ async def listen(
             failures.append(error)
             stop.set()
 
-    async with _connect_broker(address, client_id, on_message):
+    async with connect_broker(address, client_id, on_message):
         await stop.wait()
     for failure in failures:
         raise failure
@@ -189,7 +189,7 @@ async def replay(
     """
     count = 0
     headers = FreshHeaders()
-    async with _connect_broker(address, client_id, None) as link:
+    async with connect_broker(address, client_id) as link:
         for pause, entry in paced(entries, speed):
             await set_within(stop, pause)
             if stop.is_set():
@@ -206,9 +206,15 @@ async def replay(
 
 
 @asynccontextmanager
-async def _connect_broker(
-    address: BrokerAddress, client_id: str, handle: Callable[[Inbound], None] | None
+async def connect_broker(
+    address: BrokerAddress, client_id: str, handle: Callable[[Inbound], None] | None = None
 ) -> AsyncIterator[MqttLink]:
+    """Connect to a broker; ``handle`` gets the messages of the address's topic filters.
+
+    Raises:
+        BrokerError: the broker is unreachable or rejects the subscription.
+
+    """
     link = MqttLink(address.settings, client_id=client_id)
     if handle:
         for topic_filter in address.topic_filters:

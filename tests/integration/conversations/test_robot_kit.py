@@ -1,0 +1,356 @@
+"""The conformance kit with real agents: honest robots pass, and each fault is caught by its clause."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import pytest
+from defusedxml import ElementTree
+
+from nena_conversations.broker import BrokerAddress
+from nena_conversations.kit import report
+from nena_conversations.kit.clause import Outcome, Verdict
+from nena_conversations.kit.robot_clauses import ROBOT_CLAUSES
+from nena_conversations.kit.run import RobotUnderTest, judge_robot
+from nena_shared.settings import MqttSettings
+from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.versions import codec_named
+from support.broker import Broker
+from support.edge_agent import MANUFACTURER, SERIAL, AgentProcess
+from support.mutant_robot import Change, Message, mutant
+from support.waiting import PATIENCE
+
+pytestmark = pytest.mark.broker
+
+ROBOT = RobotKey(MANUFACTURER, SERIAL)
+PLAN = ((1.0, 1.0), (3.0, 1.0), (3.0, 3.0))
+VERSION = "2.1.0"
+QUICK = 1.5
+"""Seconds for answers: a fault that is an answer that never comes takes as long."""
+
+
+@pytest.fixture(scope="module")
+def agent(broker: Broker, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Broker, str]]:
+    """Yield a broker and the interface of an honest agent."""
+    interface = f"honest{uuid4().hex[:6]}"
+    options = ("--version", VERSION, "--loopback.x", "1", "--loopback.y", "1", "--loopback.speed", "2")
+    with AgentProcess(broker, interface, tmp_path_factory.mktemp("journal"), *options):
+        yield broker, interface
+
+
+async def judged(
+    agent: tuple[Broker, str], clauses: tuple[str, ...], *, plan: bool = True, **changes: Any
+) -> dict[str, Verdict]:
+    """Judge the agent with changed messages by some of the clauses, and by what the checker sees."""
+    broker, interface = agent
+    codec = codec_named(VERSION)
+    chosen = [clause for clause in ROBOT_CLAUSES if clause.id in clauses]
+    assert len(chosen) == len(clauses)
+    address = BrokerAddress(MqttSettings(host=broker.host, port=broker.port), ())
+    name = f"mutant{uuid4().hex[:6]}"
+    async with mutant(broker, interface, name, ROBOT, codec, **changes) as topics:
+        tested = RobotUnderTest(ROBOT, topics, codec, PLAN if plan else ())
+        verdicts, _ = await judge_robot(
+            address,
+            tested,
+            clauses=chosen,
+            report=lambda _: None,
+            client_id=f"test-{name}",
+            answer_within=QUICK,
+        )
+    return {verdict.id: verdict for verdict in verdicts}
+
+
+def on(topic: Topic, **fields: Any) -> Change:
+    """Replace fields of the messages of a topic; None: leave the field out."""
+
+    def change(of: Topic, message: Message) -> Message:
+        if of is not topic:
+            return message
+        return {key: value for key, value in {**message, **fields}.items() if value is not None}
+
+    return change
+
+
+def by(topic: Topic, edit: Callable[[Message], object]) -> Change:
+    """Edit the messages of a topic in place; an edit that returns False loses the message."""
+
+    def change(of: Topic, message: Message) -> Message | None:
+        return None if of is topic and edit(message) is False else message
+
+    return change
+
+
+def without_errors(state: Message) -> None:
+    state["errors"] = []
+
+
+def all_finished(state: Message) -> None:
+    for each in (*state["actionStates"], *state.get("instantActionStates", ())):
+        each["actionStatus"] = "FINISHED"
+
+
+def never_ending(state: Message) -> None:
+    for each in (*state["actionStates"], *state.get("instantActionStates", ())):
+        each["actionStatus"] = "RUNNING"
+
+
+def but(*names: str) -> Callable[[Message], bool]:
+    """Return an edit of instant actions that loses these."""
+    return lambda message: bool(message["actions"][0]["actionType"] not in names)
+
+
+def drops_action(name: str) -> Callable[[Message], None]:
+    def edit(factsheet: Message) -> None:
+        features = factsheet["protocolFeatures"]
+        features["agvActions"] = [each for each in features["agvActions"] if each["actionType"] != name]
+
+    return edit
+
+
+def backwards(state: Message) -> None:
+    state["timestamp"] = f"2026-11-29T12:00:{59 - state['headerId'] % 60:02}.000Z"
+
+
+def without_speed(factsheet: Message) -> None:
+    factsheet["physicalParameters"]["speedMax"] = 0.0
+
+
+def lost(state: Message) -> None:
+    if state["nodeStates"]:
+        state["nodeStates"][-1]["nodeId"] = "nowhere"
+
+
+def far_away(state: Message) -> None:
+    if not state["nodeStates"]:
+        state["agvPosition"]["x"] += 2
+
+
+def all_released(order: Message) -> None:
+    for each in (*order["nodes"], *order["edges"]):
+        each["released"] = True
+
+
+def any_start(order: Message) -> None:
+    if order["nodes"]:
+        order["nodes"][0].pop("nodePosition", None)
+
+
+def only_new_orders(order: Message) -> bool:
+    return bool(order["orderUpdateId"] == 0)
+
+
+STATE, CONNECTION, FACTSHEET = Topic.STATE, Topic.CONNECTION, Topic.FACTSHEET
+MUTANTS: dict[str, tuple[str, tuple[str, ...], dict[str, Any]]] = {
+    # name: (the clause that must notice, the clauses to run, how the robot differs)
+    "connection not retained": ("connection/retained", ("connection/retained",), {"retained": False}),
+    "offline": (
+        "connection/retained",
+        ("connection/retained",),
+        {"says": on(CONNECTION, connectionState="OFFLINE")},
+    ),
+    "states although offline": (
+        "conversation/connection",
+        ("stateRequest",),
+        {"says": on(CONNECTION, connectionState="OFFLINE")},
+    ),
+    "no position": ("state/position", ("state/position",), {"says": on(STATE, agvPosition=None)}),
+    "no operating mode": ("state/message", ("stateRequest",), {"says": on(STATE, operatingMode=None)}),
+    "field of its own": ("state/field", ("stateRequest",), {"says": on(STATE, mood="good")}),
+    "lower case mode": ("state/message", ("stateRequest",), {"says": on(STATE, operatingMode="automatic")}),
+    "local time": (
+        "state/spelling",
+        ("stateRequest",),
+        {"says": on(STATE, timestamp="2026-11-29T12:00:00.000+01:00")},
+    ),
+    "header of another robot": (
+        "state/address",
+        ("stateRequest",),
+        {"says": on(STATE, serialNumber="other")},
+    ),
+    "another major version": ("state/message", ("stateRequest",), {"says": on(STATE, version="3.0.0")}),
+    "constant headerId": (
+        "state/headerId",
+        ("stateRequest", "pause/standing"),
+        {"says": on(STATE, headerId=7)},
+    ),
+    "clock that stands": (
+        "state/timestamp",
+        ("stateRequest", "pause/standing"),
+        {"says": by(STATE, backwards)},
+    ),
+    "factsheet never sent": (
+        "factsheet/request",
+        ("factsheet/request",),
+        {"says": by(FACTSHEET, lambda _: False)},
+    ),
+    "factsheet without speeds": (
+        "factsheet/speeds",
+        ("factsheet/request", "factsheet/speeds"),
+        {"says": by(FACTSHEET, without_speed)},
+    ),
+    "factsheet without cancelOrder": (
+        "factsheet/actions",
+        ("factsheet/request", "factsheet/actions"),
+        {"says": by(FACTSHEET, drops_action("cancelOrder"))},
+    ),
+    "malformed factsheet": (
+        "factsheet/message",
+        ("factsheet/request",),
+        {"says": on(FACTSHEET, typeSpecification=None)},
+    ),
+    "deaf to instant actions": (
+        "stateRequest",
+        ("stateRequest",),
+        {"hears": by(Topic.INSTANT_ACTIONS, lambda _: False)},
+    ),
+    "no state of instant actions": ("stateRequest", ("stateRequest",), {"says": on(STATE, actionStates=[])}),
+    "actions that never end": ("pause/standing", ("pause/standing",), {"says": by(STATE, never_ending)}),
+    "pause that does not show": ("pause/standing", ("pause/standing",), {"says": on(STATE, paused=False)}),
+    "unknown action finished": (
+        "instantAction/unknown",
+        ("instantAction/unknown",),
+        {"says": by(STATE, all_finished)},
+    ),
+    "no error about unknown action": (
+        "instantAction/unknown",
+        ("instantAction/unknown",),
+        {"says": by(STATE, without_errors)},
+    ),
+    "cancel without an order finished": (
+        "cancelOrder/idle",
+        ("cancelOrder/idle",),
+        {"says": by(STATE, all_finished)},
+    ),
+    "deaf to orders": ("order/accept", ("order/accept",), {"hears": by(Topic.ORDER, lambda _: False)}),
+    "order not echoed": ("order/accept", ("order/accept",), {"says": on(STATE, orderId="")}),
+    "no error about an order without nodes": (
+        "order/noNodes",
+        ("order/noNodes",),
+        {"says": by(STATE, without_errors)},
+    ),
+    "no error about a missing edge": (
+        "order/missingEdge",
+        ("order/missingEdge",),
+        {"says": by(STATE, without_errors)},
+    ),
+    "no error about sequence IDs": (
+        "order/sequence",
+        ("order/sequence",),
+        {"says": by(STATE, without_errors)},
+    ),
+    "takes orders from afar": ("order/startFar", ("order/startFar",), {"hears": by(Topic.ORDER, any_start)}),
+    "no error about an unknown map": (
+        "order/unknownMap",
+        ("order/unknownMap",),
+        {"says": by(STATE, without_errors)},
+    ),
+    "no error about an unknown action": (
+        "order/unknownAction",
+        ("order/unknownAction",),
+        {"says": by(STATE, without_errors)},
+    ),
+    "deaf to updates": ("drive/horizon", ("drive/horizon",), {"hears": by(Topic.ORDER, only_new_orders)}),
+    "drives its horizon": ("drive/horizon", ("drive/horizon",), {"hears": by(Topic.ORDER, all_released)}),
+    "never says driving": ("drive", ("drive",), {"says": on(STATE, driving=False)}),
+    "arrives elsewhere": ("drive", ("drive",), {"says": by(STATE, far_away)}),
+    "reports nodes of no order": ("conversation/progress", ("drive",), {"says": by(STATE, lost)}),
+    "ignores cancelOrder": (
+        "cancelOrder",
+        ("cancelOrder",),
+        {"hears": by(Topic.INSTANT_ACTIONS, but("cancelOrder"))},
+    ),
+    "ignores startPause": (
+        "pause/driving",
+        ("pause/driving",),
+        {"hears": by(Topic.INSTANT_ACTIONS, but("startPause"))},
+    ),
+    "no error about another order": ("order/other", ("order/other",), {"says": by(STATE, without_errors)}),
+    "no error about a wrong stitch": (
+        "update/stitch",
+        ("update/stitch",),
+        {"says": by(STATE, without_errors)},
+    ),
+    "no error about an outdated update": (
+        "update/outdated",
+        ("update/outdated",),
+        {"says": by(STATE, without_errors)},
+    ),
+    "no visualizations": (
+        "visualization",
+        ("visualization",),
+        {"says": by(Topic.VISUALIZATION, lambda _: False)},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MUTANTS)
+async def test_fault_is_caught_by_its_clause(agent: tuple[Broker, str], name: str) -> None:
+    caught, clauses, changes = MUTANTS[name]
+    verdicts = await judged(agent, clauses, **changes)
+    assert verdicts[caught].outcome is Outcome.FAILED, {
+        id_: (each.outcome, each.reason)
+        for id_, each in verdicts.items()
+        if each.outcome is not Outcome.PASSED
+    }
+    assert verdicts[caught].reason
+
+
+NOISE: dict[str, Change] = {
+    "headerId counts from 0 again": by(STATE, lambda state: state.update(headerId=state["headerId"] % 5)),
+    "other order of fields": lambda _topic, message: dict(reversed(message.items())),
+    "decimals": by(STATE, lambda state: state.update(distanceSinceLastNode=0.123456789)),
+}
+
+
+@pytest.mark.parametrize("name", NOISE)
+async def test_what_the_standard_allows_changes_no_verdict(agent: tuple[Broker, str], name: str) -> None:
+    verdicts = await judged(agent, ("stateRequest", "order/accept", "drive"), says=NOISE[name])
+    assert report.violations(list(verdicts.values())) == []
+
+
+async def test_without_a_plan_the_robot_is_not_moved(agent: tuple[Broker, str]) -> None:
+    seen: list[str] = []
+    watch = by(Topic.ORDER, lambda order: seen.append(order["orderId"]))
+    verdicts = await judged(agent, ("order/noNodes", "drive", "cancelOrder"), plan=False, hears=watch)
+    assert len(seen) == 1
+    assert verdicts["drive"].outcome is verdicts["cancelOrder"].outcome is Outcome.NOT_APPLICABLE
+    assert "--place x,y" in verdicts["drive"].reason
+
+
+def nena(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "nena_cli", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=4 * PATIENCE, check=False)
+
+
+@pytest.mark.parametrize(
+    "version", [*(pytest.param(each, marks=pytest.mark.long) for each in ("2.0.0", "2.1.0")), "3.0.0"]
+)
+def test_honest_robot_passes_all_clauses_and_the_reports_say_so(
+    broker: Broker, interface_name: str, tmp_path: Path, version: str
+) -> None:
+    options = ("--version", version, "--loopback.x", "1", "--loopback.y", "1", "--loopback.speed", "2")
+    reports = {kind: tmp_path / f"report.{kind}" for kind in ("json", "junit", "html")}
+    with AgentProcess(broker, interface_name, tmp_path / "journal", *options):
+        done = nena(
+            *("vda5050", "test", "robot", f"mqtt://{broker.host}:{broker.port}", str(ROBOT)),
+            *("--version", version, "--interface", interface_name, "--square", "4", "--yes"),
+            *(text for kind, path in reports.items() for text in (f"--{kind}", str(path))),
+            *("--recording", str(tmp_path / "messages.jsonl")),
+        )
+    assert done.returncode == 0, done.stdout
+    clauses = json.loads(reports["json"].read_bytes())["clauses"]
+    assert {each["outcome"] for each in clauses} == {"passed"}
+    assert len(clauses) > 60
+    suite = ElementTree.fromstring(reports["junit"].read_bytes())
+    assert (suite.get("tests"), suite.get("failures")) == (str(len(clauses)), "0")
+    page = reports["html"].read_text(encoding="utf-8")
+    assert "order/accept" in page
+    assert "http" not in page
+    assert nena("vda5050", "check", str(tmp_path / "messages.jsonl")).returncode in (0, 1)

@@ -1,0 +1,88 @@
+"""Reports of a test: terminal, JSON, JUnit XML, and one HTML file that works offline."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
+from html import escape
+from typing import Final
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+from pydantic_core import to_json
+from rich.table import Table
+from rich.text import Text
+
+from nena_conversations.kit.clause import Outcome, Strength, Verdict
+
+COLOURS: Final = {Outcome.PASSED: "green", Outcome.FAILED: "red", Outcome.NOT_APPLICABLE: "dim"}
+
+
+def violations(verdicts: Sequence[Verdict]) -> list[Verdict]:
+    """Return the clauses that the robot must keep and violates."""
+    return [each for each in verdicts if each.outcome is Outcome.FAILED and each.strength is Strength.MUST]
+
+
+def summary(verdicts: Sequence[Verdict]) -> str:
+    """Return the numbers of clauses by outcome in a sentence."""
+    counts = Counter(each.outcome for each in verdicts)
+    return ", ".join(f"{counts[outcome]} {outcome.value}" for outcome in Outcome)
+
+
+def table(verdicts: Sequence[Verdict]) -> Table:
+    """Return a table of all clauses that did not pass."""
+    shown = Table("clause", "section", "strength", "verdict", "why")
+    for each in verdicts:
+        if each.outcome is not Outcome.PASSED:
+            verdict = Text(each.outcome.value, style=COLOURS[each.outcome])
+            shown.add_row(Text(each.id), each.section, each.strength.value, verdict, Text(each.reason))
+    return shown
+
+
+def as_json(verdicts: Sequence[Verdict], about: dict[str, str]) -> bytes:
+    """Return all verdicts as one JSON object."""
+    return to_json({**about, "clauses": [asdict(each) for each in verdicts]}, indent=2)
+
+
+def as_junit(verdicts: Sequence[Verdict], about: dict[str, str]) -> bytes:
+    """Return all verdicts as JUnit XML: what robots should do is skipped, not failed, where they do not."""
+    counts = {"tests": str(len(verdicts)), "failures": str(len(violations(verdicts)))}
+    suite = Element("testsuite", {"name": f"VDA 5050 {about['version']} {about['robot']}", **counts})
+    for each in verdicts:
+        case = SubElement(
+            suite, "testcase", {"name": each.id, "classname": each.section, "time": f"{each.seconds:.3f}"}
+        )
+        if each in violations([each]):
+            SubElement(case, "failure", {"message": each.reason}).text = "\n".join(each.messages)
+        elif each.outcome is not Outcome.PASSED:
+            SubElement(case, "skipped", {"message": each.reason})
+    written: bytes = tostring(suite, encoding="utf-8", xml_declaration=True)
+    return written
+
+
+def as_html(verdicts: Sequence[Verdict], about: dict[str, str]) -> str:
+    """Return one page with all verdicts and the messages of violations."""
+    rows = "".join(_row(each) for each in verdicts)
+    heads = "".join(f"<th>{name}</th>" for name in ("Clause", "Section", "Strength", "Verdict", "Why"))
+    facts = ", ".join(f"{escape(key)} {escape(value)}" for key, value in about.items())
+    return (
+        '<!doctype html><html lang="en"><meta charset="utf-8"><title>VDA 5050 test</title><style>'
+        "body{font:15px/1.5 system-ui,sans-serif;margin:2rem;max-width:75rem}table{border-collapse:collapse}"
+        "th,td{text-align:left;vertical-align:top;padding:.3rem .6rem;border-bottom:1px solid #ccc}"
+        ".passed{color:#0a6b2d}.failed{color:#b00020;font-weight:600}pre{white-space:pre-wrap;font-size:12px}"
+        f"</style><h1>VDA 5050 test of a robot</h1><p>{facts}</p><p>{escape(summary(verdicts))}</p>"
+        f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></html>"
+    )
+
+
+def _row(each: Verdict) -> str:
+    messages = "".join(f"<pre>{escape(message)}</pre>" for message in each.messages)
+    seen = f"<details><summary>messages</summary>{messages}</details>" if messages else ""
+    cells = (
+        f"{escape(each.id)}<br>{escape(each.title)}",
+        escape(each.section),
+        each.strength.value,
+        f'<span class="{each.outcome.name.lower()}">{each.outcome.value}</span>',
+        escape(each.reason) + seen,
+    )
+    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"

@@ -1,0 +1,348 @@
+"""A conversation with one robot, as its fleet control: send orders and actions, and wait for its states."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from itertools import pairwise
+from typing import Any, Final
+from uuid import uuid4
+
+from pydantic_core import to_json
+
+from nena_conversations.checker import Checker
+from nena_conversations.kit.clause import ClauseFailedError, NotApplicableError
+from nena_conversations.message import parse
+from nena_conversations.recording import Entry
+from nena_conversations.rules import Finding
+from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.vda5050.action import Action, ActionState, BlockingType, InstantActions
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.order import Edge, Node, NodePosition, Order
+from nena_shared.vda5050.state import MobileRobotPosition, State
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+
+ANSWER_WITHIN: Final = 10.0
+"""Time in which a robot answers an order or an action, seconds. VDA 5050 names none."""
+DRIVES: Final = 6
+"""How many times longer than an answer a drive may take."""
+KEPT: Final = 6
+"""Messages that a verdict shows."""
+RECORDED: Final = 100_000
+"""Maximum number of messages in a report."""
+
+Place = tuple[float, float]
+"""A place of the plan that the robot may use, m in its map."""
+
+
+@dataclass(slots=True)
+class Heard:
+    """What the robot has sent."""
+
+    state: State | None = None
+    connection: Connection | None = None
+    connection_retained: bool = False
+    factsheet: Factsheet | None = None
+    counts: Counter[Topic] = field(default_factory=Counter)
+
+
+class RobotSession:
+    """Talks to a robot; all its messages and ours also pass the checker of conversations."""
+
+    def __init__(
+        self,
+        link: MqttLink,
+        topics: TopicScheme,
+        robot: RobotKey,
+        codec: Codec,
+        *,
+        plan: Sequence[Place] = (),
+        answer_within: float = ANSWER_WITHIN,
+    ) -> None:
+        self.codec = codec
+        self.robot = robot
+        self.plan = plan
+        """Places to which the robot may drive; the first is nearest to it."""
+        self.answer_within = answer_within
+        """Time in which the robot answers an order or an action, seconds."""
+        self.drive_within = DRIVES * answer_within
+        """Time for a drive between two places of the plan, seconds."""
+        self.heard = Heard()
+        self.findings: list[Finding] = []
+        self.recording: deque[Entry] = deque(maxlen=RECORDED)
+        self._link, self._topics = link, topics
+        self._checker = Checker()
+        self._headers: Counter[Topic] = Counter()
+        self._news = asyncio.Event()
+        """Set at the next message, then replaced."""
+        self._number = 0
+        for topic in codec.kinds:
+            link.subscribe(topics.of(robot, topic), self._receive)
+
+    def _receive(self, inbound: Inbound) -> None:
+        entry = Entry(datetime.now(UTC), inbound.topic, inbound.payload, inbound.qos, inbound.retained)
+        self.recording.append(entry)
+        self.findings += self._checker.add(entry)
+        self._number += 1
+        received = parse(entry, self._number)
+        if received is None:
+            return
+        heard = self.heard
+        heard.counts[received.topic] += 1
+        match received.message:
+            case State() as state:
+                heard.state = state
+            case Connection() as connection:
+                heard.connection = connection
+                heard.connection_retained |= inbound.retained
+            case Factsheet() as factsheet:
+                heard.factsheet = factsheet
+        self._news.set()
+        self._news = asyncio.Event()
+
+    def end_check(self) -> None:
+        """Take what the checker only knows at the end."""
+        self.findings += self._checker.end()
+
+    async def until(self, condition: Callable[[], Any], what: str, within: float | None = None) -> None:
+        """Wait for a condition on what was heard.
+
+        Raises:
+            ClauseFailedError: it did not come true in time.
+
+        """
+        seconds = self.answer_within if within is None else within
+        if not await self._came_true(condition, seconds):
+            message = f"{what} was expected within {seconds:g} s; {self._last_state()}"
+            raise ClauseFailedError(message)
+
+    async def _came_true(self, condition: Callable[[], Any], within: float) -> bool:
+        try:
+            async with asyncio.timeout(within):
+                while not condition():
+                    await self._news.wait()
+        except TimeoutError:
+            return False
+        return True
+
+    async def state(self, accept: Callable[[State], Any], what: str, within: float | None = None) -> State:
+        """Wait for a state, also the last one; raises ClauseFailedError."""
+        found: list[State] = []
+
+        def look() -> bool:
+            state = self.heard.state
+            if state and accept(state):
+                found.append(state)
+            return bool(found)
+
+        await self.until(look, what, within)
+        return found[0]
+
+    async def factsheet(self) -> Factsheet:
+        """Wait for the factsheet; raises ClauseFailedError."""
+        await self.until(lambda: self.heard.factsheet, "a readable factsheet")
+        if self.heard.factsheet is None:
+            message = "the factsheet is gone"
+            raise ClauseFailedError(message)
+        return self.heard.factsheet
+
+    async def never(self, condition: Callable[[State], Any], what: str, seconds: float) -> None:
+        """Fail if a state meets a condition within some seconds; raises ClauseFailedError."""
+        if await self._came_true(lambda: self.heard.state and condition(self.heard.state), seconds):
+            message = f"{what}; {self._last_state()}"
+            raise ClauseFailedError(message)
+
+    def _last_state(self) -> str:
+        state = self.heard.state
+        if state is None:
+            return "the robot has sent no readable state"
+        errors = ", ".join(error.error_type for error in state.errors) or "none"
+        nodes = ", ".join(node.node_id for node in state.node_states) or "none"
+        order = f"orderId {state.order_id!r}, orderUpdateId {state.order_update_id}"
+        drive = f"lastNodeId {state.last_node_id!r}, nodeStates {nodes}, driving {str(state.driving).lower()}"
+        return f"the last state has {order}, {drive}, errors {errors}"
+
+    def require_plan(self, places: int) -> None:
+        """Raise NotApplicableError if the plan has fewer places."""
+        if len(self.plan) < places:
+            message = f"the robot drives to {places} places; pass --place x,y for each that it may drive to"
+            raise NotApplicableError(message)
+
+    def send(self, topic: Topic, message: Header) -> None:
+        """Send a message with a header of the robot's version."""
+        header = {
+            "header_id": self._headers[topic],
+            "timestamp": datetime.now(UTC),
+            "version": self.codec.version,
+            "manufacturer": self.robot.manufacturer,
+            "serial_number": self.robot.serial_number,
+        }
+        self._headers[topic] += 1
+        self.send_bytes(topic, self.codec.encode(message.model_copy(update=header)))
+
+    def send_bytes(self, topic: Topic, payload: bytes) -> None:
+        """Send any payload."""
+        self._link.publish(Outbound(self._topics.of(self.robot, topic), payload, qos=1))
+
+    def send_json(self, topic: Topic, content: dict[str, Any]) -> None:
+        """Send a message that no codec would write; the header is added."""
+        header = {
+            "headerId": self._headers[topic],
+            "timestamp": datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z"),
+            "version": self.codec.version,
+            "manufacturer": self.robot.manufacturer,
+            "serialNumber": self.robot.serial_number,
+        }
+        self._headers[topic] += 1
+        self.send_bytes(topic, to_json({**header, **content}))
+
+    async def instant(self, action_type: str, **parameters: object) -> ActionState:
+        """Send an instant action and wait for its end.
+
+        Raises:
+            ClauseFailedError: the robot shows no state of it, or it does not end.
+
+        """
+        action_id = self.send_instant(action_type, **parameters)
+        found: list[ActionState] = []
+
+        def look() -> bool:
+            state = self.instant_state(action_id)
+            if state and state.action_status.ended:
+                found.append(state)
+            return bool(found)
+
+        await self.until(look, f"the end of {action_type}")
+        return found[0]
+
+    def send_instant(self, action_type: str, **parameters: object) -> str:
+        """Send an instant action; return its ID."""
+        pairs = tuple({"key": key, "value": value} for key, value in parameters.items())
+        action = Action.model_validate(
+            {
+                "action_type": action_type,
+                "action_id": uuid4().hex,
+                "blocking_type": BlockingType.NONE,
+                "action_parameters": pairs,
+            }
+        )
+        self.send(Topic.INSTANT_ACTIONS, InstantActions(**NO_HEADER, actions=(action,)))
+        return action.action_id
+
+    def instant_state(self, action_id: str) -> ActionState | None:
+        """Return the state of an action, if the robot shows it."""
+        state = self.heard.state
+        # 2.x has one list for all actions, 3.0 one for instant actions.
+        states = (*state.instant_action_states, *state.action_states) if state else ()
+        return next((each for each in states if each.action_id == action_id), None)
+
+    def order(self, order_id: str, update: int, nodes: Sequence[Node], first_sequence: int = 0) -> Order:
+        """Return an order along nodes, whose edges are released with the node behind them."""
+        numbered = [
+            node.model_copy(update={"sequence_id": first_sequence + 2 * at}) for at, node in enumerate(nodes)
+        ]
+        edges = tuple(
+            Edge(
+                edge_id=f"{start.node_id}-{end.node_id}",
+                sequence_id=start.sequence_id + 1,
+                released=end.released,
+                actions=(),
+            )
+            for start, end in pairwise(numbered)
+        )
+        return Order(
+            **NO_HEADER, order_id=order_id, order_update_id=update, nodes=tuple(numbered), edges=edges
+        )
+
+    @property
+    def _position(self) -> MobileRobotPosition | None:
+        return self.heard.state.mobile_robot_position if self.heard.state else None
+
+    @property
+    def map_id(self) -> str:
+        """Map on which the robot stands."""
+        return self._position.map_id if self._position else "map"
+
+    @property
+    def stand(self) -> Place:
+        """Where the robot stands; raises ClauseFailedError if it has not said so."""
+        if self._position is None:
+            message = "the robot has reported no position"
+            raise ClauseFailedError(message)
+        return self._position.x, self._position.y
+
+    def here(self, *, actions: tuple[Action, ...] = ()) -> Node:
+        """Return a node where the robot stands: the last one of an earlier order, or a new one."""
+        last = self.heard.state.last_node_id if self.heard.state else ""
+        return self._node_at(last or "here", self.stand, actions=actions)
+
+    def node(self, place: int, *, released: bool = True) -> Node:
+        """Return a node at a place of the plan."""
+        return self._node_at(f"place-{place}", self.plan[place], released=released)
+
+    def _node_at(
+        self, name: str, at: Place, *, released: bool = True, actions: tuple[Action, ...] = ()
+    ) -> Node:
+        position = NodePosition(x=at[0], y=at[1], map_id=self.map_id)
+        return Node(node_id=name, sequence_id=0, released=released, node_position=position, actions=actions)
+
+    async def accepted(self, order: Order) -> State:
+        """Send an order and wait until the robot shows it; raises ClauseFailedError."""
+        self.send(Topic.ORDER, order)
+        return await self.state(
+            lambda state: (state.order_id, state.order_update_id) == (order.order_id, order.order_update_id),
+            f"order {order.order_id!r}, update {order.order_update_id} in the state",
+        )
+
+    async def refused(self, order_id: str, errors_before: int, what: str) -> State:
+        """Wait for a new error, and check that the order was not taken; raises ClauseFailedError."""
+        state = await self.state(lambda state: len(state.errors) > errors_before, f"an error about {what}")
+        if state.order_id == order_id:
+            message = f"the robot took {what}; {self._last_state()}"
+            raise ClauseFailedError(message)
+        return state
+
+    async def done(self, order_id: str, within: float | None = None) -> State:
+        """Wait until the robot has finished an order; raises ClauseFailedError."""
+        return await self.state(
+            lambda state: state.order_id == order_id and not state.node_states and not state.driving,
+            f"the end of order {order_id!r}",
+            within,
+        )
+
+    @property
+    def errors(self) -> int:
+        """Return the number of errors in the last state."""
+        return len(self.heard.state.errors) if self.heard.state else 0
+
+    async def clear(self) -> None:
+        """Cancel what is left of an order, so that the next clause begins with a robot that stands."""
+        state = self.heard.state
+        if state is None:
+            return
+        if state.paused:
+            await self.instant("stopPause")
+        if state.node_states or state.driving:
+            await self.instant("cancelOrder")
+            await self.state(lambda now: not now.driving and not now.node_states, "a robot that stands")
+
+
+NO_HEADER: Final[dict[str, Any]] = {
+    "header_id": 0,
+    "timestamp": datetime(2000, 1, 1, tzinfo=UTC),
+    "version": "2.1.0",
+    "manufacturer": "-",
+    "serial_number": "-",
+}
+"""Replaced when a message is sent."""
+
+
+def new_id() -> str:
+    """Return an ID for an order."""
+    return f"test-{uuid4().hex[:12]}"
