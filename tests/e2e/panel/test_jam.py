@@ -7,6 +7,7 @@ import signal
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 from playwright.async_api import Browser, Page, expect
 
@@ -126,6 +127,14 @@ async def test_jam_is_traced_to_its_first_robot(hall: Hall, browser: Browser, *,
             assert await findings(page) == []
             await causes.nth(2).get_by_role("link").click()
             await expect(page.locator("nena-robot-page h2")).to_have_text("AMR-17")
+            behind = page.locator("nena-queue")
+            await expect(behind).to_contain_text("5 robots wait behind it")
+            await expect(behind.get_by_role("link", name="T-4")).to_be_visible()
+            await expect(behind).to_contain_text("Fix this robot; the others then continue.")
+            assert await findings(page) == []
+            await behind.get_by_role("link", name="AMR-04").click()
+            await expect(page.locator("nena-robot-page h2")).to_have_text("AMR-04")
+            await expect(behind).to_be_hidden()
 
 
 async def test_a_circle_is_named(hall: Hall, browser: Browser) -> None:
@@ -143,6 +152,88 @@ async def test_a_circle_is_named(hall: Hall, browser: Browser) -> None:
             await expect(causes).to_contain_text("These robots wait for each other in a circle")
             robot(hall, 1, 3.0, 7)
             await expect(header).not_to_contain_text("Jam")
+
+
+async def test_a_locked_path_is_the_head_of_those_that_wait_for_it(hall: Hall, browser: Browser) -> None:
+    path = "South 1 --- South 2"
+    async with hall.connected(*JAM):
+        hall.publish_plant()
+        for number in range(1, 5):
+            robot(hall, number, 3.0 * number, 7)
+            key, wait = (
+                RobotKey("ACME", f"r{number:02}"),
+                TrafficWait(at=path, cause=WaitCause.LOCKED, reason="it waits"),
+            )
+            status = vehicle_status(f"AMR-{number:02}", robot=key, transport_order=f"T-{number}", wait=wait)
+            body = status.model_dump_json(by_alias=True)
+            hall.peer.publish(hall.fleet.vehicle_status(key.serial_number), body, retain=True)
+        robot(hall, 5, 15, 7, 4)
+        async with opened(browser, hall.url, width=1600, height=1000) as page:
+            header = page.locator("nena-fleet-summary")
+            await expect(header).to_contain_text(f"Jam behind {path}: 5")
+            await expect(row(page, 1)).to_contain_text(f"Waits until path {path} is unlocked.")
+            await row(page, 5).get_by_role("link", name=f"Head of queue: path {path}, locked").click()
+            await expect(page.locator("nena-place-page h2")).to_have_text(path)
+            await expect(page.locator("nena-queue")).to_contain_text("5 robots wait behind it")
+            await expect(page.locator("nena-queue")).to_contain_text(
+                "They continue once the path is unlocked."
+            )
+            assert await findings(page) == []
+
+
+async def test_a_jam_is_ended_from_the_page_of_its_head(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    """The robots and the order service are real: Robot-02 is paused on the only destination of T-1."""
+    fleet, port = Fleet(broker, interface_name, tmp_path), free_port()
+    options = ("--interface_name", interface_name, "--topic_prefix", fleet.prefix)
+    with fleet.stack:
+        fleet.agent()
+        fleet.agent("robot-02", x=15.0, y=2.0)
+        async with await fleet.order_service().client() as orders:
+            for name in ("Robot-01", "Robot-02"):
+                await vehicle_idle(orders, name)
+            await orders.post("/v1/vehicles/Robot-02/instantActions", json={"actionType": "pause"})
+            to = {"destinations": [{"locationName": "South 3"}], "intendedVehicle": "Robot-01", "name": "T-1"}
+            await orders.post("/v1/transportOrders", json=to)
+            reached = ("--http.port", str(port), "--mqtt.port", str(broker.port))
+            commands = ("--order_service.url", str(orders.base_url))
+            with AggregatorProcess(*reached, *options, *commands) as aggregator:
+                await aggregator.logged("broker connected")
+                url = f"http://127.0.0.1:{port}/#/robots/NeNa%2Frobot-02"
+                async with opened(browser, url, width=1600, height=1000) as page:
+                    await end_the_jam(page, orders)
+
+
+async def end_the_jam(page: Page, orders: httpx.AsyncClient) -> None:
+    """Use each button of the queue behind Robot-02, and look at what a lock would close off."""
+    behind = page.locator("nena-queue")
+    await expect(behind).to_contain_text("1 robot waits behind it")
+    await behind.get_by_role("button", name="Reroute the others").click()
+    await expect(behind).to_contain_text("0 of 1 robots have another route now.")
+    await behind.get_by_role("button", name="Take out of traffic").click()
+    form = page.get_by_role("form", name="Integration level")
+    await expect(form.locator("select")).to_have_value("TO_BE_IGNORED")
+    await behind.get_by_role("button", name="Lock and lead around").click()
+    asked = behind.get_by_role("form", name="Lock and lead around")
+    await expect(asked).to_contain_text("1 robot and 1 order have no other route")
+    await expect(asked).to_contain_text("Robot-01, T-1")
+    assert await findings(page) == []
+    await picture(page, "end-jam")
+    await asked.get_by_role("button", name="Lock these paths").click()
+    await expect(asked).to_contain_text("Robots are led around Robot-02.")
+    paths = (await orders.get("/v1/paths", params={"locked": "true"})).json()["paths"]
+    assert paths
+    assert all("South 3" in (path["destinationPoint"], path["sourcePoint"]) for path in paths)
+    await orders.put("/v1/paths/South 2 --- South 3/lock", json={"locked": False})  # the only way there now
+    await page.goto(f"{page.url.partition('#')[0]}#/places/South%202%20---%20South%203")
+    place = page.locator("nena-place-page")
+    await expect(place.locator(".chip")).to_have_text("Path")
+    await place.get_by_role("button", name="Lock", exact=True).click()
+    await expect(place).to_contain_text("1 robot and 1 order have no other route")
+    assert not (await orders.get("/v1/paths/South 2 --- South 3")).json()["locked"]
+    await place.get_by_role("button", name="Lock anyway").click()
+    await expect(place.locator(".chip")).to_have_text("Path, locked")
 
 
 async def test_an_idle_robot_shows_no_old_goals_and_no_internal_orders(hall: Hall, browser: Browser) -> None:

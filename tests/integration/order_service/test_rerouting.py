@@ -80,7 +80,7 @@ async def test_replanned_routes_are_joined_to_the_base(fleet: Fleet, service: St
     assert (answer.status_code, answer.json()["outcome"]) == (200, "STOPPING"), answer.text
     await waits(client, "travels")
     await lock(client, "Middle 4 --- Packing stand", locked=True)
-    await waits(client, "waits until a path is unlocked")
+    await waits(client, "waits until path")
     await lock(client, "Middle 4 --- Packing stand", locked=False)
 
     order = await order_in(client, "T-1", "FINISHED", "FAILED")

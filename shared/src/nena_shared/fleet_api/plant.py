@@ -59,6 +59,22 @@ class PathPage(Resource):
     """Value of ``after`` for the next page; None: this is the last one."""
 
 
+class PathLockPreviewQuery(Resource):
+    """Paths that are to be locked together with the named one."""
+
+    also: Annotated[tuple[ObjectName, ...], Field(max_length=100)] = ()
+
+
+class PathLockPreview(Resource):
+    """What a lock would leave without a route to its destinations, among what has one now."""
+
+    vehicles: tuple[str, ...]
+    """Vehicles with an order, from the ends of their bases."""
+    orders: tuple[str, ...]
+    """The orders of these vehicles, and of the 300 most urgent orders in the queue those that no vehicle
+    could execute."""
+
+
 class PathLockRequest(Request):
     """Request to lock or unlock a path."""
 

@@ -17,6 +17,8 @@ class WaitCause(StrEnum):
     """The other vehicle is stationary there."""
     GOES_FIRST = "GOES_FIRST"
     """The other vehicle goes first."""
+    LOCKED = "LOCKED"
+    """A lock of the path ``at`` leaves no route."""
 
 
 class TrafficWait(Resource):
@@ -25,8 +27,8 @@ class TrafficWait(Resource):
     vehicles: tuple[str, ...] = ()
     """Empty: not waiting for another vehicle."""
     at: str | None = None
-    """The contested point, path, location or block; without ``vehicles``, the location of the peripheral
-    device that is waited for; None: waiting for something else."""
+    """The contested point, path, location or block; without ``vehicles``, the locked path or the location of
+    the peripheral device that is waited for; None: waiting for something else."""
     cause: WaitCause | None = None
     turn_back: float | None = None
     """Distance that the other vehicle would have to go back if this one went first, m."""

@@ -8,7 +8,9 @@ import pytest
 from nena_order_service.routing.graph import NoRouteError
 from nena_order_service.service import OrderService
 from nena_order_service.settings import OrderServiceSettings
+from nena_order_service.traffic.resources import Found
 from nena_shared.fleet_api.transport_order import Destination
+from nena_shared.plant import BoundingBox
 
 
 def _to(point: str) -> Destination:
@@ -88,3 +90,27 @@ async def test_read_only_store_acknowledges_nothing(client: httpx.AsyncClient, s
     assert (await lock(client, name, locked=True)).status_code == 503
     service.store.problem = ""
     assert not service.hosts.locks.get(name).locked
+
+
+async def preview(client: httpx.AsyncClient, name: str, *also: str) -> dict[str, list[str]]:
+    answer = await client.get(f"/v1/paths/{name}/lockPreview", params={"also": list(also)})
+    assert answer.status_code == 200, answer.text
+    return dict(answer.json())
+
+
+async def test_a_preview_names_the_orders_without_another_route(
+    client: httpx.AsyncClient, service: OrderService
+) -> None:
+    plant = service.engine.plant
+    goal, start = plant.points[-1].name, plant.points[0]
+    service.engine.traffic.update_position(
+        plant.vehicles[0].name, Found(start.name, on_point=True), BoundingBox()
+    )
+    await client.post("/v1/transportOrders", json={"name": "TO-1", "destinations": [{"locationName": goal}]})
+    first, *others = (path.name for path in plant.paths if goal in (path.destination, path.source))
+
+    assert (await preview(client, first, *others))["orders"] == ["TO-1"]
+    elsewhere = next(path.name for path in plant.paths if goal not in (path.destination, path.source))
+    assert await preview(client, elsewhere) == {"vehicles": [], "orders": []}
+    assert not any(path["locked"] for path in (await client.get("/v1/paths")).json()["paths"])
+    assert (await client.get("/v1/paths/Nowhere/lockPreview")).status_code == 404

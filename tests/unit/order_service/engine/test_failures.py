@@ -216,7 +216,7 @@ async def test_a_route_locked_meanwhile_is_waited_for() -> None:
     engine.context.finder.set_locks({"G --- H": True})
     engine.plant_changed()
     fleet.finish("V1")
-    assert "waits until a path is unlocked" in status_of(engine).reason
+    assert "waits until path" in status_of(engine).reason
 
     engine.context.finder.set_locks({"G --- H": False})
     engine.plant_changed()

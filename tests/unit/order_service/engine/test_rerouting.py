@@ -15,6 +15,7 @@ from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
 from nena_order_service.fleet.outputs import OperationStarted
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.fleet_api.traffic import WaitCause
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType
 from nena_shared.plant import (
@@ -144,8 +145,12 @@ async def test_order_waits_before_a_locked_path_and_continues_after_the_unlock()
     lock(engine, "D E")
     assert whole(fleet.extended[-1][1]) == "AB"
     assert fleet.finish("V1", at="B")
-    assert "waits until a path is unlocked" in order(engine).status.reason
+    assert "waits until path 'D --- E' is unlocked" in order(engine).status.reason
     assert order(engine).state is TransportOrderState.BEING_PROCESSED
+    vehicle = engine.registry.named("V1")
+    wait = vehicle and engine.reporter.vehicle_status(vehicle).wait
+    assert wait
+    assert (wait.vehicles, wait.at, wait.cause) == ((), "D --- E", WaitCause.LOCKED)
     engine.run_checks()
     assert len(fleet.sent) == 1
     lock(engine)
@@ -163,7 +168,7 @@ async def test_order_waiting_for_an_unlock_still_waits_after_a_restart() -> None
     again = ScriptedFleet({"V1": "B"})
     engine = await make_engine(PLANT, store, again, release_ahead=1, locks=locked("D E"))
     again.appear("V1", "B")
-    assert "waits until a path is unlocked" in order(engine).status.reason
+    assert "waits until path" in order(engine).status.reason
     lock(engine)
 
     assert [vda_order.order_id for _, vda_order in again.sent] == ["T-1-0~1"]
@@ -184,7 +189,7 @@ async def test_order_whose_next_drive_order_is_locked_waits() -> None:
     engine.create(request("D", "F"), "T-1")
     lock(engine, "E F")
     assert fleet.finish("V1")
-    assert "waits until a path is unlocked" in order(engine).status.reason
+    assert "waits until path" in order(engine).status.reason
     lock(engine)
     assert fleet.finish("V1")
     assert order(engine).state is TransportOrderState.FINISHED
@@ -195,7 +200,7 @@ async def test_a_request_without_a_route_waits_for_the_unlock() -> None:
     engine = await with_blocked_destination(fleet, "F")
     assert fleet.sent == []
     lock(engine, "E F")
-    assert "waits until a path is unlocked" in order(engine).status.reason
+    assert "waits until path" in order(engine).status.reason
     lock(engine)
     assert "V2, which stands on" in order(engine).status.reason
 

@@ -86,8 +86,8 @@ def test_host_locks_are_distinguished_from_missing_routes() -> None:
     assert finder.is_locked("B --- C")
     assert not finder.is_locked("B --- D")
     assert not finder.is_locked("no path")
-    assert finder.only_locks_close("A", [at("D")], None, ())
-    assert not finder.only_locks_close("A", [at("C")], None, ())
+    assert finder.locks_on_way("A", [at("D")], None, ()) == ("A --- B",)
+    assert not finder.locks_on_way("A", [at("C")], None, ())
 
 
 NAMES = "ABCDEF"

@@ -94,6 +94,7 @@ class PlantOperations:
         )
         yield Handler(table.SHOW_LOCATION, self.find_location_status, answer=_LOCATION)
         yield Handler(table.LIST_PATHS, self.list_paths)
+        yield Handler(table.PREVIEW_PATH_LOCK, lambda name, request: locks.preview((name, *request.also)))
         yield Handler(table.SHOW_PATH, locks.get)
         yield Handler(
             table.LOCK_PATH, lambda name, request: locks.set(name, locked=request.locked), {"locked": True}

@@ -488,6 +488,8 @@ class Driving:
         if job := self._peripherals.job_awaited_by(vehicle.name):
             return TrafficWait(at=job.status.location, **explained(reason))
         if refusal is None:
+            if reason is not None and reason.code is R.PATH_LOCKED:
+                return TrafficWait(at=str(reason.values["path"]), cause=WaitCause.LOCKED, **explained(reason))
             return TrafficWait(**explained(reason)) if reason else None
         return TrafficWait(
             vehicles=refusal.vehicles,

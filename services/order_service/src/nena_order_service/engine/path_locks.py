@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
+from contextlib import suppress
+from itertools import islice
+from typing import Final
+
 from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import UnknownPathError
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.routing.graph import NoRouteError
 from nena_order_service.store.database import Changes
-from nena_shared.fleet_api.plant import PathStatus
+from nena_shared.fleet_api.plant import PathLockPreview, PathStatus
 from nena_shared.log import get_logger
-from nena_shared.plant import Path
+from nena_shared.plant import Path, UnknownObjectError, Vehicle
 
 log = get_logger(__name__)
+
+PREVIEWED: Final = 300
+"""Orders in the queue that a preview checks: each may need route searches of milliseconds."""
 
 
 class PathLocks:
@@ -56,6 +66,43 @@ class PathLocks:
 
         await self._engine.unit_of_work.commit(changes, apply_committed)
         return self._status_of(path)
+
+    def preview(self, names: Sequence[str]) -> PathLockPreview:
+        """Return what locks of these paths would leave without a route; raises UnknownPathError."""
+        avoid = frozenset(self._existing_path(name).name for name in names)
+        engine, stranded = self._engine, dict[str, str]()
+        places = {
+            vehicle.name: held[-1].point
+            for vehicle in engine.registry
+            if (held := engine.traffic.held_by(vehicle.name))
+        }
+        for vehicle in engine.registry:
+            order, place = engine.state.order_of(vehicle.key), places.get(vehicle.name)
+            if order and place and self._closes(avoid, order, (place,), vehicle.model):
+                stranded[vehicle.name] = order.name
+        starts = frozenset(places.values())
+        waiting = islice(engine.state.orders.dispatchable(), PREVIEWED)
+        closed = (order.name for order in waiting if self._closes(avoid, order, starts))
+        return PathLockPreview(vehicles=tuple(stranded), orders=(*stranded.values(), *closed))
+
+    def _closes(
+        self,
+        avoid: frozenset[str],
+        order: TransportOrder,
+        starts: Collection[str],
+        model: Vehicle | None = None,
+    ) -> bool:
+        """Return whether all routes of an order from these points lead over paths to ``avoid``."""
+
+        def has_route(avoid: frozenset[str]) -> bool:
+            destinations = [each.destination for each in order.status.drive_orders[order.index :]]
+            for start in starts:
+                with suppress(NoRouteError, UnknownObjectError):
+                    self._engine.context.finder.find(start, destinations, vehicle=model, avoid=avoid)
+                    return True
+            return False
+
+        return has_route(order.resources_to_avoid) and not has_route(order.resources_to_avoid | avoid)
 
     def _existing_path(self, name: str) -> Path:
         path = self._plant.paths_by_name.get(name)

@@ -158,13 +158,13 @@ class OrderPlanner:
         try:
             self.way(order, vehicle, standing)
         except NoRouteError as error:
-            closed = self.finder.only_locks_close(
+            closed = self.finder.locks_on_way(
                 standing.point,
                 [drive_order.destination for drive_order in order.status.drive_orders[order.index :]],
                 vehicle.model,
                 order.resources_to_avoid,
             )
-            return Reason(R.PATH_LOCKED, error.reason) if closed else None
+            return Reason(R.PATH_LOCKED, error.reason, path=closed[0]) if closed else None
         except UnknownObjectError:
             return None
         return None

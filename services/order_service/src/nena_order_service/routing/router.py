@@ -305,15 +305,16 @@ class RouteFinder:
         in_plant = self._plant.paths_by_name.get(path)
         return in_plant is not None and self._locks.get(path, in_plant.locked)
 
-    def only_locks_close(
+    def locks_on_way(
         self, start: str, destinations: Sequence[Destination], vehicle: Vehicle | None, avoid: Collection[str]
-    ) -> bool:
-        """Return whether :meth:`find` would find a route without the locks set by hosts."""
+    ) -> tuple[str, ...]:
+        """Return the locked paths on the route that there would be without the locks set by hosts."""
         try:
-            self._find_plan(self._without_host_locks, start, destinations, vehicle, avoid)
+            plan = self._find_plan(self._without_host_locks, start, destinations, vehicle, avoid)
         except NoRouteError:
-            return False
-        return True
+            return ()
+        steps = (step for leg in plan.legs if leg.route for step in leg.route.steps)
+        return tuple(step.path.name for step in steps if self.is_locked(step.path.name))
 
     def find(
         self,

@@ -65,6 +65,7 @@ TEXTS = {
     "waits_passing": "Waits for {vehicles} to pass {at}.",
     "waits_standing": "Blocked at {at} by {vehicles}.",
     "waits_turn": "Lets {vehicles} go first at {at}.",
+    "waits_locked": "Waits until path {at} is unlocked.",
     "waits_peripheral": "Waits for the device {at}.",
     "waits_other": "Order {order}: {why}.",
     "waiting_for_release": "Waiting at {place} until {next} is released.",
@@ -84,6 +85,7 @@ WAITS = {
     WaitCause.PASSES: "waits_passing",
     WaitCause.STANDS: "waits_standing",
     WaitCause.GOES_FIRST: "waits_turn",
+    WaitCause.LOCKED: "waits_locked",
 }
 
 URGENT = ("emergency_stop", "not_localized", "error", "unreadable", "taken_out")
@@ -269,7 +271,7 @@ def _wait_reason(inputs: ConditionInputs) -> ConditionReason | None:
     wait = inputs.wait
     if wait is None:
         return None
-    if wait.vehicles and wait.cause and wait.at:
+    if wait.cause and wait.at:
         return ConditionReason(WAITS[wait.cause], {"vehicles": ", ".join(wait.vehicles), "at": wait.at})
     if wait.at and not wait.vehicles:
         return ConditionReason("waits_peripheral", {"at": wait.at})

@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from datetime import datetime
 
+from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.fleet_api.vehicle import VehicleState, VehicleStatus
 from nena_shared.fleet_api.wait_chains import WaitChain, wait_chains
 from nena_status_aggregator.fleet.condition import Condition
@@ -48,6 +49,11 @@ class Jam:
     """Time since which there are more than the limit."""
 
 
+def _awaited(wait: TrafficWait) -> tuple[str, ...]:
+    """Return the vehicles that are waited for, or the locked path, which is then the head of the queue."""
+    return (wait.at,) if wait.cause is WaitCause.LOCKED and wait.at else wait.vehicles
+
+
 class Queues:
     """The queues of waiting vehicles, by the vehicles' names."""
 
@@ -72,14 +78,14 @@ class Queues:
         self._elsewhere.discard(vehicle.name)
         # A robot in any other condition would not drive on if those vehicles left: it heads its own queue.
         waiting = robot.condition is Condition.WAITING and vehicle.wait
-        self._set_waits(vehicle.name, waiting.vehicles if waiting else (), stuck=robot.condition in STUCK)
+        self._set_waits(vehicle.name, _awaited(waiting) if waiting else (), stuck=robot.condition in STUCK)
 
     def update_elsewhere(self, vehicle: VehicleStatus, limit: int) -> None:
         """Record the vehicles that one of another share waits for; ignore new ones beyond ``limit``."""
         if vehicle.name not in self._elsewhere and len(self._elsewhere) >= limit:
             return
         self._elsewhere.add(vehicle.name)
-        waits = vehicle.wait.vehicles if vehicle.wait else ()
+        waits = _awaited(vehicle.wait) if vehicle.wait else ()
         self._set_waits(vehicle.name, waits, stuck=vehicle.state in STUCK_ELSEWHERE)
 
     def remove_vehicle(self, name: str) -> None:

@@ -22,6 +22,8 @@ from nena_shared.fleet_api.places import (
     PointStatus,
 )
 from nena_shared.fleet_api.plant import (
+    PathLockPreview,
+    PathLockPreviewQuery,
     PathLockRequest,
     PathPage,
     PathsQuery,
@@ -97,6 +99,18 @@ LOCK_PATH = Operation(
     subject="path",
     result="path",
     refusals=(Refusal.UNKNOWN_PATH, Refusal.NOT_SAVED),
+)
+
+PREVIEW_PATH_LOCK = Operation(
+    "previewPathLock",
+    "Return which vehicles and orders would have no other route if a path were locked.",
+    "GET",
+    f"{PATHS}/{{name:path}}/lockPreview",
+    PathLockPreview,
+    request=PathLockPreviewQuery,
+    subject="path",
+    result="preview",
+    refusals=(Refusal.UNKNOWN_PATH,),
 )
 
 SHOW_PATH = Operation(

@@ -60,10 +60,15 @@ export function ask(...path) {
   return request(path, { headers: { accept: "application/json" }, signal: AbortSignal.timeout(ASKED_WITHIN) });
 }
 
+/** Fetch a resource of the order service with parameters, e.g. `askWith(["paths"], [["locked", true]])`. */
+export function askWith(path, parameters) {
+  const options = { headers: { accept: "application/json" }, signal: AbortSignal.timeout(ASKED_WITHIN) };
+  return request(path, options, `?${new URLSearchParams(parameters)}`);
+}
+
 /** Fetch a list of the order service with these filters, e.g. `fetchList("audit", { user })`; empty ones are left out. */
 export function fetchList(name, filters) {
-  const query = new URLSearchParams(Object.entries(filters).filter(([, value]) => value));
-  return request([name], { headers: { accept: "application/json" }, signal: AbortSignal.timeout(ASKED_WITHIN) }, `?${query}`);
+  return askWith([name], Object.entries(filters).filter(([, value]) => value));
 }
 
 /** Send a command once; `body` is sent as JSON. */

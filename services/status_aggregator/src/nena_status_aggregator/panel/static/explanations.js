@@ -53,7 +53,7 @@ export function filterOf(robot) {
   return robot.urgent ? "URGENT" : robot.condition;
 }
 
-const OF_ORDER_SERVICE = ["idle_why", "unheard_why", "taken_out", "waits_passing", "waits_standing", "waits_turn", "waits_peripheral", "waits_other"];
+const OF_ORDER_SERVICE = ["idle_why", "unheard_why", "taken_out", "waits_passing", "waits_standing", "waits_turn", "waits_locked", "waits_peripheral", "waits_other"];
 
 /** Return whether the reason for a robot's condition comes from the order service. */
 export function isOfOrderService(robot) {
@@ -202,6 +202,7 @@ function queueOf(robot, store) {
 }
 
 function causeOfVehicle(name, store) {
+  if (store.isLockedPath(name)) return { text: t("robots.headPath", { name }), advice: t("queue.unlock"), link: address("places", name) };
   const robot = store.robotOfVehicle(name);
   if (!robot) return { text: t("why.vehicleUnknown", { name }) };
   const reason = reasonOf(robot);

@@ -49,6 +49,11 @@ export class FleetStore extends EventTarget {
     return [...this.robots.values()].find((robot) => robot.vehicle?.name === name);
   }
 
+  /** Return whether a head of a queue is a locked path. */
+  isLockedPath(head) {
+    return [...this.robots.values()].some(({ vehicle }) => vehicle?.wait?.cause === "LOCKED" && vehicle.wait.at === head);
+  }
+
   /** Replace all data. */
   takeSnapshot(snapshot) {
     this.#offset = Date.parse(snapshot.time) - Date.now();

@@ -1,7 +1,7 @@
 // Parts shared by the command forms: sending once and reporting the result, place and pose fields.
 
 import { RefusedError } from "./api.js";
-import { button, element, field, foreign, numberInput, numberOf, refillSelect, select } from "./dom.js";
+import { button, element, field, foreign, numberInput, numberOf, refillSelect, select, setAttribute } from "./dom.js";
 import { byName, t } from "./i18n.js";
 import { reasonElement } from "./reasons.js";
 
@@ -22,6 +22,15 @@ export function commandForm({ label, submit, send, fields = [], more = [] }) {
     event.preventDefault();
     if (await run(button, result, send)) delete form.dataset.touched;
   });
+  return form;
+}
+
+/** Shows the effect of a command, with the button that sends it. */
+export function confirmation({ label, effect, submit, send }) {
+  const form = commandForm({ label, submit, send, fields: [element("p", { class: "effect", id: "command-effect", tabindex: -1 }, effect)] });
+  const sure = form.querySelector("button");
+  sure.className = "danger";
+  setAttribute(sure, "aria-describedby", "command-effect");
   return form;
 }
 

@@ -76,6 +76,7 @@ function jamText({ head, circle, robots }) {
 }
 
 function jamAddress({ head, circle }, store) {
+  if (head && store.isLockedPath(head)) return address("places", head);
   const robot = store.robotOfVehicle(head ?? circle[0]);
   return robot ? address("robots", robot.id) : "#/";
 }

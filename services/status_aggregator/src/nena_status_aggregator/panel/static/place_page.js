@@ -5,6 +5,7 @@ import { button, element, field, refill, refillSelect, select, setText, verbatim
 import { conditionText } from "./explanations.js";
 import { commandForm, operation, run, vehicles } from "./forms.js";
 import { byName, t } from "./i18n.js";
+import { effectOfLock } from "./queue.js";
 import { address, backLink } from "./router.js";
 
 const PAUSE = 2000;
@@ -54,7 +55,10 @@ class PlacePage extends HTMLElement {
     else if (found.kind === "path") this.commands.append(this.#lockCommands());
     else this.commands.append(this.#sendForm());
     this.neighbours = element("p", { class: "places" }, ...this.#neighbours(found).map(placeLink));
-    const sections = [section("place.heldBy", this.holders), section("robot.commands", this.commands), section("place.near", this.neighbours)];
+    this.queue = element("nena-queue");
+    this.queueSection = element("section", {}, this.queue);
+    this.queue.show(this.fleet, this.#name, null);
+    const sections = [this.queueSection, section("place.heldBy", this.holders), section("robot.commands", this.commands), section("place.near", this.neighbours)];
     const reachable = found.thing.links?.length !== 0; // a door beside a path has no links: no robot stops there
     this.replaceChildren(head, this.device, ...(reachable ? sections : []));
     this.#update();
@@ -74,12 +78,12 @@ class PlacePage extends HTMLElement {
     this.result = element("output", { class: "result", role: "status" });
     const opposite = this.fleet.plant.opposite(this.fleet.plant.find(this.#name).thing)?.name;
     const [one, both] = [[this.#name], [this.#name, opposite].filter(Boolean)];
-    this.lock = button(t("place.lock"), () => this.#lock(this.lock, one, true));
-    this.lockBoth = button(t("place.lockBoth"), () => this.#lock(this.lockBoth, both, true));
+    this.lock = button(t("place.lock"), () => this.#askLock(this.lock, one));
+    this.lockBoth = button(t("place.lockBoth"), () => this.#askLock(this.lockBoth, both));
     this.unlock = button(t("place.unlock"), () => this.#askUnlock(one));
     this.unlockBoth = button(t("place.unlockBoth"), () => this.#askUnlock(both));
     this.lockBoth.hidden = this.unlockBoth.hidden = !opposite;
-    this.effect = element("p", { class: "effect", id: "unlock-effect", tabindex: -1 });
+    this.effect = element("p", { class: "effect", id: "lock-effect", tabindex: -1 });
     this.asked = element("div", {}, this.effect);
     this.asked.hidden = true;
     const bar = element("div", { class: "actions" }, this.lock, this.lockBoth, this.unlock, this.unlockBoth);
@@ -87,9 +91,24 @@ class PlacePage extends HTMLElement {
     return element("div", {}, bar, this.stopHint, this.asked, element("p", { class: "hint" }, t("place.lockHint")), this.result);
   }
 
+  // Asks only if robots or orders have no other route, or if that cannot be known.
+  async #askLock(pressed, names) {
+    if (pressed.getAttribute("aria-busy") === "true") return;
+    pressed.setAttribute("aria-busy", "true");
+    const effect = await effectOfLock(names).catch(() => t("queue.effectUnknown"));
+    pressed.removeAttribute("aria-busy");
+    if (!pressed.isConnected) return; // the page shows another place by now
+    if (effect) this.#confirm("place.lockSure", effect, names, true);
+    else await this.#lock(pressed, names, true);
+  }
+
   #askUnlock(names) {
-    const sure = button(t("place.unlockSure"), () => this.#lock(sure, names, false), { class: "danger", "aria-describedby": "unlock-effect" });
-    setText(this.effect, t("place.unlockEffect", { name: names.join(", ") }));
+    this.#confirm("place.unlockSure", t("place.unlockEffect", { name: names.join(", ") }), names, false);
+  }
+
+  #confirm(key, effect, names, locked) {
+    const sure = button(t(key), () => this.#lock(sure, names, locked), { class: "danger", "aria-describedby": "lock-effect" });
+    setText(this.effect, effect);
     this.asked.replaceChildren(this.effect, element("div", { class: "actions" }, sure));
     this.asked.hidden = false;
     this.effect.focus();
@@ -155,6 +174,8 @@ class PlacePage extends HTMLElement {
     const found = this.fleet.plant.find(this.#name);
     if (!found) return;
     const { store } = this.fleet;
+    this.queue.update();
+    this.queueSection.hidden = this.queue.hidden;
     this.device.show(store.peripherals.get(this.#name), store);
     const robots = [...store.robots.values()];
     const standing = robots.filter((robot) => robot.vehicle?.currentPosition === this.#name).map((robot) => [robot.vehicle.name, "place.standsHere"]);

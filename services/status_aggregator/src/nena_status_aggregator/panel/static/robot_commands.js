@@ -4,7 +4,7 @@ import { ask, command, newKey, RefusedError } from "./api.js";
 import { button, element, field, foreign, numberInput, numberOf, select, setAttribute, setText } from "./dom.js";
 import { orderOf, reasonOf } from "./explanations.js";
 import { charging } from "./fleet_commands.js";
-import { commandForm, outcome, PlaceFields, PoseFields, run } from "./forms.js";
+import { commandForm, confirmation, outcome, PlaceFields, PoseFields, run } from "./forms.js";
 import { number, t } from "./i18n.js";
 import { distanceOffPaths, drawPlan } from "./map/plan_painter.js";
 
@@ -216,15 +216,6 @@ function fits(text) {
 
 function valueOf(control, type) {
   return type === "STRING" ? control.value : JSON.parse(control.value);
-}
-
-/** Shows the effect of a command, with the button that sends it. */
-function confirmation({ label, effect, submit, send }) {
-  const form = commandForm({ label, submit, send, fields: [element("p", { class: "effect", id: "command-effect", tabindex: -1 }, effect)] });
-  const sure = form.querySelector("button");
-  sure.className = "danger";
-  setAttribute(sure, "aria-describedby", "command-effect");
-  return form;
 }
 
 class RobotCommands extends HTMLElement {

@@ -4,6 +4,7 @@ import { button, element, foreign, progressBar, refill, setAttribute, setText, v
 import { adviceForError, causesOfRobot, conditionText, nodeName, orderOf } from "./explanations.js";
 import { age, dateAndTime, degrees, has, number, t } from "./i18n.js";
 import { address, backLink } from "./router.js";
+import "./queue.js";
 import "./recordings.js";
 import "./robot_commands.js";
 
@@ -48,6 +49,8 @@ class RobotPage extends HTMLElement {
     this.actions = this.#section("robot.actions");
     this.goals = this.#section("robot.goals");
     this.deviations = this.#section("robot.deviations");
+    this.queue = element("nena-queue");
+    this.queueSection = element("section", {}, this.queue);
     this.recordings = element("nena-recordings");
     this.gone = element("p", { class: "hint" }, t("robot.gone"));
     const toMap = button(t("robot.toMap"), () => this.dispatchEvent(new CustomEvent("reveal", { detail: this.#id })));
@@ -57,9 +60,10 @@ class RobotPage extends HTMLElement {
     const commandSection = element("section", {}, element("h3", {}, t("robot.commands")), this.commands);
     const recordingSection = element("section", {}, element("h3", {}, t("robot.recordings")), this.recordings);
     const factSection = element("section", {}, element("h3", {}, t("robot.facts")), this.facts);
-    this.body = element("div", {}, whySection, commandSection, this.order, this.errors, this.actions, this.goals, factSection, recordingSection, this.deviations);
+    this.body = element("div", {}, whySection, this.queueSection, commandSection, this.order, this.errors, this.actions, this.goals, factSection, recordingSection, this.deviations);
     this.replaceChildren(head, this.gone, this.body);
     this.commands.show(this.fleet, this.#id);
+    this.queueOf = null;
     this.recordings.show(this.fleet, this.#id);
     this.#update();
     this.heading.focus({ preventScroll: true });
@@ -81,6 +85,7 @@ class RobotPage extends HTMLElement {
     setAttribute(this.chip, "data-urgent", robot.urgent && "");
     setText(this.whyTitle, t(robot.driving ? "why.drives" : "why.title"));
     this.why.show(causesOfRobot(robot, this.fleet));
+    this.#updateQueue(robot.vehicle?.name ?? null);
     this.commands.update();
     refill(this.facts, factsOf(robot, this.fleet.store.now()), rows);
     this.#updateOrder(robot);
@@ -90,6 +95,14 @@ class RobotPage extends HTMLElement {
     fillList(this.goals, goals, (each) => goal(each, goals));
     const deviations = robot.problem ? [...robot.deviations, robot.problem] : robot.deviations;
     fillList(this.deviations, deviations, (each) => element("li", {}, foreign("p", each)));
+  }
+
+  // Shown again for another vehicle: a robot may be known before its vehicle is.
+  #updateQueue(vehicle) {
+    if (vehicle && vehicle !== this.queueOf) this.queue.show(this.fleet, vehicle, (level) => this.commands.begin("command.level", level));
+    else if (vehicle) this.queue.update();
+    this.queueOf = vehicle;
+    this.queueSection.hidden = !vehicle || this.queue.hidden;
   }
 
   #updateOrder(robot) {

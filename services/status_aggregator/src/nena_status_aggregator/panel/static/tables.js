@@ -190,6 +190,7 @@ function headOf({ reasonCode, reasonValues, vehicle }, store) {
   if (device) return { text: nameAndState(device), href: address("places", device.id) };
   const { head, circle } = vehicle?.wait ?? {};
   if (circle?.length) return { text: t("robots.circle", { names: circle.join(", ") }) };
+  if (head && store.isLockedPath(head)) return { text: t("robots.headPath", { name: head }), href: address("places", head) };
   const robot = head && store.robotOfVehicle(head);
   if (!robot) return null;
   return { text: t("robots.head", { name: head, condition: conditionText(robot) }), href: address("robots", robot.id) };
