@@ -126,9 +126,6 @@ async def test_area_is_drawn_on_the_map_and_paused(
 ) -> None:
     async with site(broker, interface_name, tmp_path, browser) as (page, orders):
         await page.get_by_role("button", name="Stop area").click()
-        await page.get_by_label("Your name").fill("Anna")
-        await page.get_by_label("Reason").fill("oil on the floor")
-        await page.get_by_role("button", name="Pick on map").click()
         await expect(page.get_by_text("Drag from one corner")).to_be_visible()
         box = await page.locator("nena-fleet-map canvas").bounding_box()
         assert box
@@ -138,7 +135,9 @@ async def test_area_is_drawn_on_the_map_and_paused(
         await page.mouse.down()
         await page.mouse.move(box["x"] + right, box["y"] + top, steps=4)
         await page.mouse.up()
-        await expect(page.get_by_role("button", name="Pick on map")).to_be_focused()
+        await expect(page.get_by_label("Your name")).to_be_focused()
+        await page.get_by_label("Your name").fill("Anna")
+        await page.get_by_label("Reason").fill("oil on the floor")
         await page.get_by_role("button", name="Stop this area").click()
         await expect(banner(page)).to_contain_text("Area paused by Anna")
         await expect(robot(page)).to_contain_text("Paused with this area by Anna: oil on the floor")

@@ -26,7 +26,7 @@ function reasonField() {
 class AreaFields {
   constructor() {
     this.corners = Object.fromEntries(CORNERS.map((name) => [name, numberInput({ name, required: true })]));
-    this.pickButton = button(t("form.pick"), () => this.#pick());
+    this.pickButton = button(t("form.pick"), () => this.pick(this.pickButton));
     const fields = CORNERS.map((name) => field(t(`stops.${name}`), this.corners[name]));
     this.element = element("div", { class: "fields" }, ...fields, this.pickButton);
     this.element.addEventListener("input", () => this.show());
@@ -48,8 +48,9 @@ class AreaFields {
     this.element.dispatchEvent(new Event("input", { bubbles: true }));
   }
 
-  #pick() {
-    const detail = { take: (area) => this.#take(area), done: () => this.pickButton.focus() };
+  /** Let the user drag the area on the map; then `next` gets the focus. */
+  pick(next) {
+    const detail = { take: (area) => this.#take(area), done: () => next.focus() };
     document.dispatchEvent(new CustomEvent("areapick", { detail }));
   }
 }
@@ -101,14 +102,17 @@ class Stops extends HTMLElement {
   /** Open the form that begins a stop of `all` robots or of an `area`; null: none. */
   openForm(kind) {
     this.opened = kind;
-    document.dispatchEvent(new CustomEvent("areashow", { detail: null }));
-    this.forms.replaceChildren(...(kind ? [this.#beginForm(kind)] : []));
+    for (const name of ["areashow", "areapick"]) document.dispatchEvent(new CustomEvent(name, { detail: null }));
+    const area = kind === "area" ? new AreaFields() : null;
+    this.forms.replaceChildren(...(kind ? [this.#beginForm(kind, area)] : []));
     this.dispatchEvent(new CustomEvent("form", { detail: kind }));
-    if (kind) this.forms.querySelector(this.forms.querySelector("[name=by]").value ? "[name=reason]" : "[name=by]").focus();
+    const first = kind && this.forms.querySelector(this.forms.querySelector("[name=by]").value ? "[name=reason]" : "[name=by]");
+    if (area) area.pick(first);
+    else first?.focus();
   }
 
-  #beginForm(kind) {
-    const [by, reason, area] = [personField(this.session), reasonField(), kind === "area" ? new AreaFields() : null];
+  #beginForm(kind, area) {
+    const [by, reason] = [personField(this.session), reasonField()];
     const named = element("div", { class: "fields" }, field(t("stops.by"), by), field(t("stops.reason"), reason));
     const hint = element("p", { class: "hint" }, t(`stops.${kind}.${area && this.store.orderService.up === false ? "down" : "hint"}`));
     return commandForm({

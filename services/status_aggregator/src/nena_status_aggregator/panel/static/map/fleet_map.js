@@ -187,9 +187,10 @@ class FleetMap extends HTMLElement {
     this.gestures.pickPose(found, this.#startPicking("map.pickPlace", done));
   }
 
-  /** Pick a rectangle by dragging: `take(area)` on each step, `done()` at the end. */
-  pickArea({ take, done }) {
-    this.gestures.pickArea(take, this.#startPicking("map.pickArea", done));
+  /** Pick a rectangle by dragging: `take(area)` on each step, `done()` at the end; null: end what is being picked. */
+  pickArea(picking) {
+    if (picking) this.gestures.pickArea(picking.take, this.#startPicking("map.pickArea", picking.done));
+    else this.gestures.endPicking();
   }
 
   // Show a hint, and return what ends the picking.

@@ -137,7 +137,9 @@ export class Gestures {
     this.canvas.classList.add("picking");
   }
 
-  #endPicking() {
+  /** End what is being picked, if anything is. */
+  endPicking() {
+    if (!this.#picking) return;
     const { done } = this.#picking;
     this.#picking = null;
     this.canvas.classList.remove("picking");
@@ -220,13 +222,13 @@ export class Gestures {
     this.#lift(event);
     if (this.#picking?.from) {
       this.#take(event);
-      this.#endPicking();
+      this.endPicking();
     } else if (this.#travel < CLICK) this.host.picked(event.offsetX, event.offsetY);
   }
 
   #key(event) {
     const moves = { ArrowLeft: [STEP, 0], ArrowRight: [-STEP, 0], ArrowUp: [0, STEP], ArrowDown: [0, -STEP] };
-    if (event.key === "Escape" && this.#picking) this.#endPicking();
+    if (event.key === "Escape" && this.#picking) this.endPicking();
     else if (event.key === "ContextMenu" || (event.key === "F10" && event.shiftKey)) this.host.menu(null);
     else if (event.key === "0") this.host.fit();
     else if (event.key === "+" || event.key === "=") this.step(1);
