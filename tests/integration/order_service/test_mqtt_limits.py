@@ -108,7 +108,7 @@ async def test_commands_beyond_the_limit_are_refused_and_others_continue(
     for name in ("T-1", "T-2", "T-3"):
         hosts.ask_after(name)
     assert (await hosts.told_of("T-3"))["status"] == 503
-    assert (await hosts.order("T-1"))["status"] == 201, "orders are counted by themselves"
+    assert (await hosts.order("T-1", host="mes"))["status"] == 201, "orders are counted by themselves"
 
     gate.opened.set()
     assert (await hosts.told_of("T-1"))["status"] == 200
@@ -134,3 +134,18 @@ async def test_only_a_host_over_its_rate_limit_is_refused(fleet: Fleet, service:
     assert (await hosts.order("T-3", host="mes"))["status"] == 201
     assert (await client.get("/v1/transportOrders/T-1")).status_code == 200
     assert await names(client) == {"T-1", "T-3"}
+
+
+async def test_requests_of_a_host_are_executed_in_their_order(
+    fleet: Fleet, service: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gate = Gate(monkeypatch, "create_order")
+    client = await service()
+    await listening(client)
+    hosts = Hosts(fleet)
+    hosts.ask_for("T-1")
+    hosts.ask_after("T-1")
+    hosts.ask_after("T-1", host="mes")
+    assert (await hosts.told_of("T-1", host="mes"))["status"] == 404, "other hosts do not wait"
+    gate.opened.set()
+    assert (await hosts.told_of("T-1"))["status"] == 200

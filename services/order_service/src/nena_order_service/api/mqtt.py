@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping
+from functools import partial
 from http import HTTPStatus
 from typing import Any, Final, TypeVar, cast
 
@@ -25,6 +26,7 @@ from nena_shared.fleet_api import operations as table
 from nena_shared.fleet_api.audit import AuditInterface
 from nena_shared.fleet_api.base import ObjectName, Request, Resource
 from nena_shared.fleet_api.operations import Operation
+from nena_shared.fleet_api.operations.vehicles import INSTANT_ACTION
 from nena_shared.fleet_api.refusals import MalformedRequest
 from nena_shared.fleet_api.requests import SOMEBODY
 from nena_shared.fleet_api.topics import FleetTopics
@@ -123,6 +125,38 @@ def _too_many(status: HTTPStatus, detail: str) -> Problem:
     return Problem(title="Too many requests", status=status, detail=detail)
 
 
+class HostTurns:
+    """Executes the requests of each host in the order of their arrival, different hosts side by side."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, asyncio.Task[None]] = {}
+        """What the next request of each host waits for; only hosts with requests in progress."""
+
+    def start(
+        self, host: str, work: Callable[[], Coroutine[Any, Any, None]], name: str, *, keeps_turn: bool = True
+    ) -> asyncio.Task[None]:
+        """Start ``work`` as a task, which begins when the earlier requests of ``host`` have ended.
+
+        Without ``keeps_turn``, it holds up no later ones.
+        """
+        earlier = self._last.get(host)
+
+        async def execute_in_turn() -> None:
+            if earlier:
+                await asyncio.wait([earlier])
+            await work()
+
+        task = asyncio.create_task(execute_in_turn(), name=name)
+        if keeps_turn:
+            self._last[host] = task
+            task.add_done_callback(lambda _: self._end_turn(host, task))
+        return task
+
+    def _end_turn(self, host: str, task: asyncio.Task[None]) -> None:
+        if self._last.get(host) is task:
+            del self._last[host]
+
+
 class MqttApi:
     """Subscribes to the requests of hosts and publishes the answers."""
 
@@ -140,6 +174,7 @@ class MqttApi:
         self._operations = operations
         self._limits = limits
         self._max_body = max_body
+        self._turns = HostTurns()
         self._creations: set[asyncio.Task[None]] = set()
         self._commands: set[asyncio.Task[None]] = set()
         self.answers: Counter[int] = Counter()
@@ -173,7 +208,8 @@ class MqttApi:
             log.warning("creation request refused", host=host, reason=request.detail, errors=request.errors)
             answer(request)
         else:
-            task = asyncio.create_task(self._create_order(host, request, answer), name=f"creation for {host}")
+            work = partial(self._create_order, host, request, answer)
+            task = self._turns.start(host, work, f"creation for {host}")
             self._creations.add(task)
             task.add_done_callback(self._creations.discard)
 
@@ -215,7 +251,10 @@ class MqttApi:
             log.warning("command refused", host=host, command=name, reason=command.detail)
             self._refuse_message(host, name, message, command)
         else:
-            task = asyncio.create_task(self._run_command(host, operation, command), name=f"{name} for {host}")
+            work = partial(self._run_command, host, operation, command)
+            # An instant action waits for the robot, perhaps for minutes.
+            keeps_turn = operation is not INSTANT_ACTION
+            task = self._turns.start(host, work, f"{name} for {host}", keeps_turn=keeps_turn)
             self._commands.add(task)
             task.add_done_callback(self._commands.discard)
 
