@@ -516,6 +516,7 @@ export const TEXTS = {
   "event.nena:skipped": "Operation übersprungen",
   "event.nena:deadlinePassed": "Frist überschritten",
   "event.nena:rerouted": "Route geändert",
+  "event.nena:changed": "Geändert",
   "event.nena:intendedVehicleChanged": "Vorgesehenes Fahrzeug geändert",
   "event.nena:withdrawalRequested": "Zurückgezogen",
   "event.nena:adoptedAfterRestart": "Nach Neustart fortgeführt",

@@ -516,6 +516,7 @@ export const TEXTS = {
   "event.nena:skipped": "Operation skipped",
   "event.nena:deadlinePassed": "Deadline passed",
   "event.nena:rerouted": "Route changed",
+  "event.nena:changed": "Changed",
   "event.nena:intendedVehicleChanged": "Intended vehicle changed",
   "event.nena:withdrawalRequested": "Withdrawn",
   "event.nena:adoptedAfterRestart": "Continued after restart",

@@ -516,6 +516,7 @@ export const TEXTS = {
   "event.nena:skipped": "Handeling overgeslagen",
   "event.nena:deadlinePassed": "Deadline verstreken",
   "event.nena:rerouted": "Route gewijzigd",
+  "event.nena:changed": "Gewijzigd",
   "event.nena:intendedVehicleChanged": "Beoogd voertuig gewijzigd",
   "event.nena:withdrawalRequested": "Ingetrokken",
   "event.nena:adoptedAfterRestart": "Voortgezet na herstart",
