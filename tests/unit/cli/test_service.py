@@ -43,6 +43,14 @@ def test_error_is_one_line_and_a_status(
     assert words in capsys.readouterr().err
 
 
+def test_token_file_that_cannot_be_read_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    with pytest.raises(typer.Exit), service(token_file=tmp_path / "missing").connected():
+        pass
+    told = capsys.readouterr().err
+    assert f"Cannot read the token file {tmp_path / 'missing'}" in told.replace("\n", "")
+    assert "connect" not in told
+
+
 @pytest.mark.parametrize(
     ("token", "words"), [(None, "Set NENA_TOKEN or --token-file"), ("x", "Unknown token.")]
 )

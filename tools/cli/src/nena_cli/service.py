@@ -47,6 +47,8 @@ class Service:
         except BrokenPipeError:
             raise  # Typer exits quietly: the reader of standard output, such as head, has gone
         except (UnreachableError, OSError) as error:
+            if self.token_file and isinstance(error, OSError) and error.filename == str(self.token_file):
+                fail(f"Cannot read the token file {self.token_file}: {error.strerror}. Check --token-file.")
             fail(f"Cannot connect to the order service. Set --url or NENA_URL.\n{error}")
         except KeyboardInterrupt as error:
             raise typer.Exit(0) from error
