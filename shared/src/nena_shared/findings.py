@@ -5,8 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-WORDS = {"extra_forbidden": "unknown field", "missing": "is missing"}
-"""Texts by error type, where pydantic's own use programming terms ("inputs", "extra")."""
+WORDS = {
+    "extra_forbidden": "unknown field",
+    "missing": "is missing",
+    "model_type": "Input should be an object",
+    "tuple_type": "Input should be a valid array",
+}
+"""Texts by error type, where pydantic's own use programming terms ("inputs", "extra", "instance of")."""
 PREFIX = "Value error, "
 """Prefix that pydantic adds to our own messages."""
 SHOWN = 300

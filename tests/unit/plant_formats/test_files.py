@@ -105,6 +105,8 @@ OTHERS: dict[str, bytes] = {
     "git lfs pull": b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 1\n",
     "UTF-16": FILES[PlantFormat.NENA].decode().encode("utf-16"),
     "as UTF-8": FILES[PlantFormat.LIF].decode().encode("utf-16-be"),
+    "OpenAPI": b'{"openapi": "3.0.0", "info": {"title": "x"}, "paths": {}}',
+    "HTTP interface": b'{"swagger": "2.0", "info": {"title": "x"}, "paths": {}}',
     "empty": b"",
     "empty file": b" \n",
     "'tcsOrderSet'": b'<?xml version="1.0"?><tcsOrderSet><order/></tcsOrderSet>',
@@ -171,3 +173,34 @@ def test_unknown_fields_of_own_json_are_reported() -> None:
         "unknown field 'crs' is ignored (found 1 times)",
         "unknown field 'maxSpeed' is ignored (found 2 times)",
     ]
+
+
+@pytest.mark.parametrize("kind", [PlantFormat.LIF, PlantFormat.NENA])
+def test_key_that_an_object_has_twice_is_named(kind: PlantFormat) -> None:
+    field = b'"layoutVersion"' if kind is PlantFormat.LIF else b'"name"'
+    assert field in FILES[kind]
+    twice = FILES[kind].replace(field, field + b': "other", ' + field, 1)
+    (found,) = (each for each in read(twice).warnings if each.code == "REPEATED_KEY")
+    assert field.decode().strip('"') in found.text
+    assert read(twice).model == read(FILES[kind]).model
+
+
+def test_lif_with_numbers_as_vehicle_types_is_read() -> None:
+    """With a warning for each field."""
+    content = json.loads(FILES[PlantFormat.LIF])
+    for key, place in (("nodes", "vehicleTypeNodeProperties"), ("edges", "vehicleTypeEdgeProperties")):
+        for each in content["layouts"][0][key]:
+            each[place][0]["vehicleTypeId"] = 7
+    report = read(json.dumps(content).encode())
+    assert {use.vehicle_type_id for point in report.model.points for use in point.vehicle_types} == {"7"}
+    assert any("vehicleTypeId" in each.text for each in report.warnings)
+
+
+@pytest.mark.parametrize("value", [None, 7])
+def test_lif_with_no_object_where_one_belongs_is_refused_in_plain_words(value: int | None) -> None:
+    content = json.loads(FILES[PlantFormat.LIF])
+    content["layouts"][0]["nodes"][0] = value
+    with pytest.raises(PlantModelError) as caught:
+        read(json.dumps(content).encode())
+    assert "layouts.0.nodes.0" in caught.value.problems[0].text
+    assert "should be an object" in caught.value.problems[0].text

@@ -31,7 +31,7 @@ class Form(BaseModel):
         ({"parts": [{"weight": 2}, {}]}, "parts.1.weight: is missing"),
         ({"parts": [{"weight": 2, "wait": 3}]}, "parts.0.wait: unknown field"),
         ({"parts": [{"weight": 3}]}, "parts.0.weight: is odd"),
-        ([], "all of it: Input should be a valid dictionary or instance of Form"),
+        ([], "all of it: Input should be an object"),
     ],
 )
 def test_each_finding_is_a_line_with_the_place_and_plain_words(given: object, line: str) -> None:

@@ -73,6 +73,8 @@ def _reachable_from(start: str, neighbours: Mapping[str, list[str]]) -> set[str]
 
 
 _PREFIXES: Final = ("tcs:", "vda5050:", "nena:")
+_OTHER_SIGN: Final = re.compile(r"(tcs|vda5050|nena)[.;/_-]", re.IGNORECASE)
+"""Another sign where a key has its colon."""
 _NUMBERS: Final = frozenset(
     {
         keys.PARKING_POSITION_PRIORITY,
@@ -214,7 +216,7 @@ def _is_heeded(kind: ObjectKind, key: str) -> bool:
     """Return whether NeNa acts on a property, or it belongs to other software."""
     # openTCS: properties are free, and other programs have their own
     if not key.strip().casefold().startswith(_PREFIXES):
-        return True
+        return _with_colon(kind, key) is None
     if key in _HEEDED.get(kind, ()) or _OF_OTHER_SOFTWARE.fullmatch(key):
         return True
     if key.startswith(_FAMILIES):
@@ -249,8 +251,19 @@ def _check_property(model: PlantModel, key: str, value: str) -> Iterator[tuple[s
         yield "PROPERTY_NAMES_NOTHING", f"property {key!r} refers to unknown {value!r}"
 
 
+def _with_colon(kind: ObjectKind, key: str) -> str | None:
+    """Return the known key that a key with another sign stands for."""
+    if sign := _OTHER_SIGN.match(key):
+        meant = f"{sign[1].lower()}:{key[sign.end() :]}"
+        meant = _FOLDED.get(meant.casefold(), meant)
+        return meant if _is_heeded(kind, meant) else None
+    return None
+
+
 def _intended_key(kind: ObjectKind, key: str) -> str | None:
     """Return the key that was probably intended; None: unknown, or one of other objects."""
+    if meant := _with_colon(kind, key):
+        return meant
     if key != key.strip():
         return key.strip()
     if key in _KNOWN or key.startswith(_FAMILIES):

@@ -221,7 +221,7 @@ class LineGuidance(PlantRecord):
 class VehicleTypeAtPoint(PlantRecord):
     """How vehicles of a type may use a point (LIF: vehicleTypeNodeProperty)."""
 
-    vehicle_type_id: str
+    vehicle_type_id: str = Field(coerce_numbers_to_str=True)
     theta: float | None = None
     """Required heading, radians in the plant frame."""
     allowed_deviation_xy: Annotated[DeviationBounds | None, Field(alias="allowedDeviationXY")] = None
@@ -233,7 +233,7 @@ class VehicleTypeAtPoint(PlantRecord):
 class VehicleTypeOnPath(PlantRecord):
     """How vehicles of a type may use a path (LIF: vehicleTypeEdgeProperty)."""
 
-    vehicle_type_id: str
+    vehicle_type_id: str = Field(coerce_numbers_to_str=True)
     rotation_allowed: bool | None = None
     """Whether vehicles may turn on the path; None (since LIF 2.0): not specified, treated as not allowed."""
     vehicle_orientation: float | None = None

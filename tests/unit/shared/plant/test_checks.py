@@ -132,6 +132,8 @@ def with_property(key: str, value: str) -> PlantModel:
         ("vda5050:serialnumber", "r1", "MISSPELT_PROPERTY"),
         ("VDA5050:mapId", "hall", "MISSPELT_PROPERTY"),
         ("tcs:preferedParkingPosition", "A", "MISSPELT_PROPERTY"),
+        ("vda5050.serialNumber", "r1", "MISSPELT_PROPERTY"),
+        ("TCS_preferredparkingposition", "A", "MISSPELT_PROPERTY"),
         ("vda5050:mapId", " ", "EMPTY_PROPERTY"),
         ("vda5050:deviationXY", "half a metre", "PROPERTY_NOT_A_NUMBER"),
         ("vda5050:deviationXY", "-1", "PROPERTY_NOT_A_NUMBER"),

@@ -1,5 +1,7 @@
 """Common parts of plant model importers and exporters: reports, and bounded JSON parsing."""
 
+import json
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -35,6 +37,18 @@ def parse_json(data: bytes, limits: JsonLimits = JSON_LIMITS) -> Any:  # noqa: A
         # jiter has no error of its own for its 200 levels (0014), only this text.
         code = "LIMIT_EXCEEDED" if "recursion limit" in str(error) else "MALFORMED_JSON"
         raise refusal(code, f"invalid JSON: {error}") from error
+
+
+def repeated_keys(data: bytes) -> Counter[str]:
+    """Return the keys that some JSON object has more than once, with the number of objects."""
+    found: Counter[str] = Counter()
+
+    def note(pairs: list[tuple[str, object]]) -> None:
+        found.update(key for key, times in Counter(key for key, _ in pairs).items() if times > 1)
+
+    # numbers stay texts: Python refuses those of more than 4,300 digits
+    json.loads(data, object_pairs_hook=note, parse_int=str)
+    return found
 
 
 def check_size(data: bytes, limits: JsonLimits = JSON_LIMITS) -> None:

@@ -1,13 +1,21 @@
 """Read plant models of any supported format, detected by content."""
 
 from collections import Counter
+from dataclasses import replace
 from enum import StrEnum
 from typing import Final
 
 from pydantic import ValidationError
 
 from nena_plant_formats import lif, opentcs_xml
-from nena_plant_formats.exchange import ImportReport, letters_of, parse_json, records_in, refusal
+from nena_plant_formats.exchange import (
+    ImportReport,
+    letters_of,
+    parse_json,
+    records_in,
+    refusal,
+    repeated_keys,
+)
 from nena_plant_formats.other_files import name_of
 from nena_shared.findings import in_words
 from nena_shared.plant.checks import find_errors, find_warnings
@@ -54,13 +62,21 @@ _NENA: Final = {field.alias or "" for field in PlantModel.model_fields.values()}
 
 def read(data: bytes, *, strict: bool = False) -> ImportReport:
     """Read a plant model; `strict` rejects LIF that deviates from its standard. Raises PlantModelError."""
-    match format_of(data):
-        case PlantFormat.OPENTCS:
-            return opentcs_xml.read(data.lstrip())
-        case PlantFormat.LIF:
-            return lif.read(_json_bytes(data), strict=strict)
-        case PlantFormat.NENA:
-            return read_nena(_json_bytes(data))
+    form = format_of(data)
+    if form is PlantFormat.OPENTCS:
+        return opentcs_xml.read(data.lstrip())
+    text = _json_bytes(data)
+    report = lif.read(text, strict=strict) if form is PlantFormat.LIF else read_nena(text)
+    repeated = (
+        PlantProblem(
+            "REPEATED_KEY",
+            ObjectKind.MODEL,
+            "",
+            f"the key {key!r} stands more than once in an object (found {count} times); the last one counts",
+        )
+        for key, count in sorted(repeated_keys(text).items())
+    )
+    return replace(report, warnings=(*repeated, *report.warnings))
 
 
 def read_nena(data: bytes) -> ImportReport:

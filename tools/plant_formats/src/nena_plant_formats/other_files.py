@@ -36,7 +36,10 @@ _BY_TEXT: Final = (
     ),
     (_COMMENTS + rb"(?:- )?[\w/*.\"-]+[ \t]*:(\s|\Z)", f"a YAML file; {_REDRAW}"),
 )
+_API: Final = f"the description of an HTTP interface (OpenAPI), no plant; {_REDRAW}"
 _BY_FIELDS: Final = (
+    ({"openapi"}, _API),
+    ({"swagger"}, _API),
     ({"features"}, f"GeoJSON, such as a route graph of Nav2, which NeNa writes but does not read; {_REDRAW}"),
     ({"type", "geometry"}, f"GeoJSON; {_REDRAW}"),
     ({"advancedPointList"}, f"a map of SEER's robots (smap); {_REDRAW}"),
