@@ -191,8 +191,8 @@ FAULTS: dict[str, Callable[[Hall], Awaitable[None]]] = {
     "aggregator restarted": restart_panel,
 }
 """Each returns at the end of the outage."""
-QUICK = 4
-"""So many of them run with all other tests; the rest takes minutes."""
+QUICK = 3
+"""So many of them run with all other tests, in less than a minute; the rest takes minutes."""
 
 
 @pytest.mark.parametrize("broker_name", BROKERS if WHOLE else ["Mosquitto"])

@@ -171,5 +171,5 @@ async def test_a_program_works_without_a_subscription_that_it_does_not_need(
         async with running(link):
             link.publish(Outbound(f"{interface_name}/a", b"x"))
             await until(lambda: heard)
-    reasons = [each["reason"] for each in logs if f"{REFUSED}/{interface_name}/4" in each.get("reason", "")]
-    assert len(reasons) == 1, "the second one is the same"
+    reasons = [each["reason"] for each in logs if f"{REFUSED}/{interface_name}/" in each.get("reason", "")]
+    assert len(reasons) == 1, "the second end has the same reason, which is logged once"
