@@ -182,7 +182,7 @@ async def test_dispatch_to_a_point_and_cancel(
         await expect(button(page, "Resume")).to_be_hidden()
         await button(page, "Cancel order …").click()
         asked = page.get_by_role("form", name="Cancel order")
-        await expect(asked).to_contain_text(f"The robot stops, and order {name} ends as failed.")
+        await expect(asked).to_contain_text(f"The robot stops, and order {name} ends as withdrawn.")
         await button(page, f"Withdraw {name} now").click()
         await expect(robot).to_contain_text(f"Order {name} withdrawn")
         await order_in(fleet.orders, name, "FAILED")
@@ -320,6 +320,55 @@ async def test_pause_resume_and_an_action_of_the_factsheet(
         await form.wait_for(state="detached")
 
 
+async def test_a_waiting_order_is_changed_and_a_finished_one_repeated(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with operated(broker, interface_name, tmp_path, speed=SLOW) as fleet:
+        body = {"destinations": [{"locationName": "Storage", "operation": "Load cargo"}]}
+        first = {
+            **body,
+            "name": "T-1",
+            "intendedVehicle": "Robot-01",
+            "onFailure": [{"do": "RETRY", "times": 2}],
+        }
+        more = {"dependencies": ["T-1"], "properties": [{"key": "pallet", "value": "4711"}]}
+        for order in (first, {**body, **more, "name": "T-2"}):
+            assert (await fleet.orders.post("/v1/transportOrders", json=order)).status_code == 201
+        async with opened(browser, f"{fleet.url}#/orders/T-2") as page:
+            shown = page.locator("nena-order-page")
+            await expect(shown.locator(".chip")).to_have_text("Waits for orders")
+            await expect(shown).to_contain_text("pallet: 4711")
+            await button(page, "Change").click()
+            form = page.get_by_role("form", name="Change order T-2")
+            await form.get_by_label("Priority").fill("7")
+            await form.get_by_label("Time limit").fill("30")
+            await button(page, "Save").click()
+            await expect(form).to_contain_text("Order T-2 changed")
+            changed = (await fleet.orders.get("/v1/transportOrders/T-2")).json()
+            assert (changed["priority"], changed["timeout"]) == (7, 1800)
+            assert await findings(page) == []
+            await picture(page, "change-order")
+            await shown.get_by_role("link", name="T-1").click()
+            await expect(shown).to_contain_text(re.compile("try again . 2"))
+            await expect(shown.get_by_role("link", name="T-2")).to_be_visible()
+            await button(page, "Withdraw").click()
+            await expect(button(page, "Finish the drive, then stop")).to_be_visible()
+            await button(page, "Repeat").click()
+            await expect(shown).to_contain_text("created")
+            await page.get_by_role("link", name="Open it").click()
+            await expect(shown.locator("h2")).to_have_text(re.compile("^T-1-[0-9a-f]{22}$"))
+            name = await fleet.last_order()
+            again = (await fleet.orders.get(f"/v1/transportOrders/{name}")).json()
+            assert [each["destination"]["operation"] for each in again["driveOrders"]] == ["Load cargo"]
+            assert again["intendedVehicle"] == "Robot-01"
+            await button(page, "Repeat, edit first").click()
+            form = page.get_by_role("form", name="New transport order")
+            await expect(form.get_by_label("Place")).to_have_value("Storage")
+            await expect(form.get_by_label("Name")).to_have_value("T-1")
+            await button(page, "Create order").click()
+            await expect(shown.locator("h2")).to_have_text(re.compile("^T-1-"))
+
+
 async def test_withdrawal_is_confirmed_and_a_refusal_shown(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:
@@ -328,14 +377,15 @@ async def test_withdrawal_is_confirmed_and_a_refusal_shown(
         assert (await fleet.orders.post("/v1/transportOrders", json=body)).status_code == 201
         async with opened(browser, f"{fleet.url}#/orders/T-1", expected=REFUSALS) as page:
             await expect(page.locator("nena-order-page .chip")).to_have_text("In progress")
-            sure = button(page, "Withdraw T-1 now")
+            sure = button(page, "Stop at once")
             await expect(sure).to_be_hidden()
             await button(page, "Withdraw").click()
-            effect = page.get_by_text("Robot-01 stops, and order T-1 ends as failed.")
+            effect = page.get_by_text("Robot-01 stops, and order T-1 ends as withdrawn.")
             await expect(effect).to_be_focused()  # not the button: a held Enter key would press it
             await sure.click()
             await expect(page.locator("nena-order-page")).to_contain_text("Order T-1 withdrawn")
             await order_in(fleet.orders, "T-1", "FAILED")
+            await expect(page.locator("nena-order-page .chip")).to_have_text("Withdrawn")
             await page.get_by_role("link", name="All robots and orders").click()
             await page.get_by_role("link", name="New order").click()
             form = page.get_by_role("form", name="New transport order")

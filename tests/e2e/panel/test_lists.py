@@ -187,8 +187,32 @@ async def test_orders_that_gave_way_or_were_withdrawn_are_not_among_the_failed(
         async with opened(browser, f"{hall.url}#/?tab=orders") as page:
             await page.get_by_role("button", name="Failed 1").click()
             await expect(page.locator("tr[data-order='TO-2']")).to_be_visible()
+            await page.get_by_role("button", name="Withdrawn 2").click()
+            await expect(page.locator("tr[data-order='TO-3'] .chip")).to_have_text("Withdrawn")
+            await page.get_by_role("button", name="Failed 1").click()
             for other in ("Park-1", "TO-3"):
                 await expect(page.locator(f"tr[data-order='{other}']")).to_have_count(0)
+
+
+async def test_automatic_orders_are_shown_on_request_and_chips_add_up(hall: Hall, browser: Browser) -> None:
+    async with hall.connected():
+        hall.publish_order(1, TransportOrderState.DISPATCHABLE, "TO-1")
+        hall.publish_order(1, TransportOrderState.FAILED, "TO-2", outcome=OrderOutcome.WITHDRAWN)
+        hall.publish_order(
+            1, TransportOrderState.FAILED, "Park-1", outcome=OrderOutcome.GAVE_WAY, automatic=True
+        )
+        async with opened(browser, f"{hall.url}#/?tab=orders", width=1600, height=1000) as page:
+            tab = page.get_by_role("tab", name="Orders")
+            await expect(tab).to_have_text("Orders (2)")
+            await expect(page.get_by_role("button", name="Open 1")).to_be_visible()
+            await expect(page.get_by_role("button", name="Withdrawn 1")).to_be_visible()
+            row = page.locator("tr[data-order='TO-1']")
+            box = await row.bounding_box()
+            assert box and box["height"] < 34, "one line"
+            await page.get_by_role("button", name="Parking and charging too").click()
+            await expect(tab).to_have_text("Orders (3)")
+            await expect(page.locator("tr[data-order='Park-1'] .chip")).to_have_text("Gave way")
+            assert await findings(page) == []
 
 
 async def test_columns_are_chosen_and_stored(hall: Hall, browser: Browser) -> None:

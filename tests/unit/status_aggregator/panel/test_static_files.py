@@ -10,7 +10,12 @@ import pytest
 from nena_order_service.orders.transport_order import EventCode
 from nena_shared.fleet_api.audit import AuditResult
 from nena_shared.fleet_api.peripherals import PeripheralJobState, PeripheralState
-from nena_shared.fleet_api.transport_order import DriveOrderState, FailureMeasure, TransportOrderState
+from nena_shared.fleet_api.transport_order import (
+    DependencyFailure,
+    DriveOrderState,
+    FailureMeasure,
+    TransportOrderState,
+)
 from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
@@ -68,6 +73,8 @@ def test_every_code_has_a_text() -> None:
     wanted |= {f"eventLog.{each}" for each in Code}
     wanted |= {f"reason.{each}" for each in TEXTS if each != "emergency_stop"}
     wanted |= {f"measure.{each}" for each in FailureMeasure if not each.last}
+    wanted |= {f"policy.{each}" for each in FailureMeasure}
+    wanted |= {f"dependency.{each}" for each in DependencyFailure}
     wanted |= {f"urgent.{each}" for each in URGENT}
     wanted |= {f"zone.{each}" for each in ZoneType}
     wanted |= {f"integration.{each}" for each in IntegrationLevel}

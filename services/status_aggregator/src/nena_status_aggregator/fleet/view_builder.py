@@ -364,6 +364,8 @@ def view_order(order: TrackedOrder, last_node: str | None) -> OrderView:
         "final": status.state.final,
         "outcome": status.ended_as,
         "automatic": status.automatic,
+        "createdBy": status.created_by,
+        "dependencies": list(status.dependencies),
         "confirmed": order.confirmed,
         "reason": short(status.reason) or "",
         "codedReason": view_reason(status.coded_reason),

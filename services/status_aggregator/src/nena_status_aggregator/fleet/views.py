@@ -270,6 +270,9 @@ class OrderView(TypedDict):
     outcome: str | None
     """How it ended: FAILED, but also WITHDRAWN and GAVE_WAY, which are no failures."""
     automatic: bool
+    createdBy: str | None
+    dependencies: list[str]
+    """Names of the orders that it waits for."""
     confirmed: bool
     reason: str
     codedReason: CodedReasonView | None

@@ -10,6 +10,11 @@ export function shownState(order) {
   return order.held ? "HELD" : order.state;
 }
 
+/** Return the state of a destination to show; LEFT if its order was not wanted any more. */
+export function stopState({ state }, { outcome }) {
+  return state === "FAILED" && ["WITHDRAWN", "GAVE_WAY"].includes(outcome) ? "LEFT" : state;
+}
+
 /** Return whether an order has ended in a failure. */
 export function hasFailed({ outcome }) {
   return FAILURES.includes(outcome);

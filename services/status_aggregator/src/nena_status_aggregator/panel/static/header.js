@@ -3,7 +3,7 @@
 import { logOut } from "./api.js";
 import { button, element, foreign, icon, refill, setText, verbatim } from "./dom.js";
 import { adviceFor, conditionText, filterOf, reasonOf } from "./explanations.js";
-import { byName, chooseLanguage, chosenLanguage, LANGUAGES, plural, t, timeOfDay } from "./i18n.js";
+import { byName, chooseLanguage, chosenLanguage, has, LANGUAGES, plural, t, timeOfDay } from "./i18n.js";
 import { filterChip } from "./live_table.js";
 import { address, lists } from "./router.js";
 
@@ -62,7 +62,7 @@ class FleetSummary extends HTMLElement {
     for (const [name, chip] of this.chips) {
       const count = robots.filter((each) => filterOf(each) === name).length;
       const shown = name === "URGENT" && count <= NAMED ? 0 : count; // up to NAMED robots are named instead
-      chip.show(`${count} ${t(`condition.${name}`)}`, shown, chosen.includes(name));
+      chip.show(`${count} ${t(has(`condition.${name}.many`) && shown !== 1 ? `condition.${name}.many` : `condition.${name}`)}`, shown, chosen.includes(name));
     }
   }
 }

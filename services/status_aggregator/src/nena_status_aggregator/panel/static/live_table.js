@@ -24,6 +24,9 @@ export class LiveTable extends HTMLElement {
   #pointed = false;
   extra = [];
 
+  /** Views selected for a command. */
+  marked = new Set();
+
   /** Show the views of `kind` in the store, and follow their changes. */
   follow(store, kind) {
     this.store = store;
@@ -39,7 +42,7 @@ export class LiveTable extends HTMLElement {
     this.table = element("table", {}, element("thead", {}, titles), this.body);
     this.body.append(...this.spaces);
     this.note = emptyBox(t(`${this.empty}.title`), t(`${this.empty}.text`));
-    const all = button(t("lists.all"), () => lists.set({ q: "", condition: "", state: "" }));
+    const all = button(t("lists.all"), () => lists.set({ q: "", condition: "", state: "", automatic: "" }));
     this.unmatched = element("div", { class: "empty" }, element("strong", {}, t("lists.none")), element("p", {}, all));
     this.replaceChildren(this.table, this.note, this.unmatched);
     store.addEventListener("change", (event) => event.detail[kind].size && this.#later());
@@ -49,6 +52,31 @@ export class LiveTable extends HTMLElement {
     this.#watchHand();
     setInterval(() => this.update(), TICK);
     this.refresh();
+  }
+
+  /** Select or deselect views. Fires `marked`. */
+  mark(ids, on) {
+    for (const id of ids) {
+      if (on) this.marked.add(id);
+      else this.marked.delete(id);
+    }
+    this.update();
+    this.dispatchEvent(new Event("marked"));
+  }
+
+  /** Create the box that selects a view; hidden where no command is possible. */
+  makeBox(id) {
+    const box = element("input", { type: "checkbox", class: "mark" });
+    box.hidden = !this.commanded;
+    box.addEventListener("change", () => this.mark([id], box.checked));
+    return box;
+  }
+
+  /** Show in its row whether a view is selected. */
+  showMark(row, box, { id, name }) {
+    box.checked = this.marked.has(id);
+    row.classList.toggle("selected", box.checked);
+    setAttribute(box, "aria-label", t("lists.mark", { name }));
   }
 
   /** Return how many views are shown, in sight or not. */

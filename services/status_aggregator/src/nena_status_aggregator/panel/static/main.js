@@ -38,8 +38,10 @@ const withoutId = ["history", "reports", "schedules", "audit"]; // views
 
 const tables = { robots: part("robot-table"), orders: part("order-table"), peripherals: part("peripheral-table") };
 
-for (const name of ["fleet-summary", "attention", "message-health", "order-table", "peripheral-table"]) part(name).show(store);
+for (const name of ["fleet-summary", "attention", "message-health", "peripheral-table"]) part(name).show(store);
 tables.robots.show(store, !noCommands);
+tables.orders.show(store, !noCommands);
+part("several-orders").show(tables.orders);
 part("fleet-commands").show(tables.robots, plant);
 part("tabs").show(tables);
 part("search").show(tables, plant);
@@ -74,6 +76,10 @@ map.addEventListener("command", ({ detail: { view, id, name, value } }) => {
 
 map.addEventListener("select", (event) => go("robots", event.detail));
 map.addEventListener("selectplace", (event) => go("places", event.detail));
+views.orders.addEventListener("edit", ({ detail }) => {
+  views.newOrder.fillIn(detail);
+  go("orders");
+});
 views.robots.addEventListener("reveal", (event) => map.reveal(event.detail));
 views.reports.addEventListener("waiting", ({ detail: { report, reveal } }) => map.showWaiting(report, reveal));
 views.history.addEventListener("replay", (event) => map.replay(event.detail));

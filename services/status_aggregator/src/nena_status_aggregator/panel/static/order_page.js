@@ -1,12 +1,13 @@
 // The page of a transport order, and the form that creates one.
 
 import { ask, command, newKey } from "./api.js";
-import { button, element, field, foreign, numberInput, numberOf, progressBar, refill, select, setAttribute, setText, verbatim } from "./dom.js";
+import { element, field, foreign, numberInput, numberOf, progressBar, refill, select, setAttribute, setText, verbatim } from "./dom.js";
 import { details } from "./event_texts.js";
 import { causesOfOrder } from "./explanations.js";
-import { shownState } from "./fleet.js";
-import { commandForm, run, StopFields, vehicles } from "./forms.js";
-import { dateAndTime, has, number, t } from "./i18n.js";
+import { shownState, stopState } from "./fleet.js";
+import { commandForm, StopFields, vehicles } from "./forms.js";
+import { dateAndTime, fieldTime, has, number, t } from "./i18n.js";
+import { OrderCommands } from "./order_commands.js";
 import { nameOfHolder, worded } from "./reasons.js";
 import { address, backLink } from "./router.js";
 
@@ -40,40 +41,19 @@ class OrderPage extends HTMLElement {
     this.history = element("ol", { class: "history" }, element("li", { class: "hint" }, t("order.historyNone")));
     this.gone = element("p", { class: "hint" }, t("order.gone"));
     const head = element("header", { class: "head" }, backLink(), this.heading, this.chip);
+    this.commands = new OrderCommands(this.#name, this.fleet, (request) => this.dispatchEvent(new CustomEvent("edit", { detail: request })));
+    this.status = null;
     this.body = element(
       "div",
       {},
       section("why.orderTitle", this.why),
-      section("robot.commands", this.#commands()),
+      section("robot.commands", this.commands.element),
       section("order.stops", this.progress.box, this.stops),
       section("robot.facts", this.facts),
     );
     this.replaceChildren(head, this.gone, this.body, section("order.history", this.history));
     this.#update();
     this.heading.focus({ preventScroll: true });
-  }
-
-  // Withdrawing asks for confirmation and shows the effect.
-  #commands() {
-    this.result = element("output", { class: "result", role: "status" });
-    this.sure = button(t("order.withdrawSure", { name: this.#name }), () => run(this.sure, this.result, () => this.#ask("withdrawal", "withdrawn")), { class: "danger", "aria-describedby": "withdraw-effect" });
-    this.withdraw = button(t("order.withdraw"), () => {
-      this.effect.hidden = this.sure.hidden = !this.sure.hidden;
-      if (!this.sure.hidden) this.effect.focus(); // not the button: a held Enter key would press it
-    });
-    this.effect = element("p", { class: "effect", id: "withdraw-effect", tabindex: -1 });
-    this.effect.hidden = this.sure.hidden = true;
-    this.hold = button(t("order.hold"), () => run(this.hold, this.result, () => this.#ask("hold", "held")));
-    this.resume = button(t("order.resume"), () => run(this.resume, this.result, () => this.#ask("resume", "resumed")));
-    this.off = element("p", { class: "hint" }, t(this.fleet.noCommands ?? ""));
-    this.off.hidden = !this.fleet.noCommands;
-    this.bar = element("div", { class: "actions" }, this.hold, this.resume, this.withdraw, this.sure);
-    return element("div", {}, this.bar, this.effect, this.off, this.result);
-  }
-
-  async #ask(verb, done) {
-    await command(["transportOrders", this.#name, verb], { reason: `${done} at the control panel` });
-    return [`done.${done}`, { name: this.#name }];
   }
 
   #update() {
@@ -85,32 +65,28 @@ class OrderPage extends HTMLElement {
     setText(this.chip, t(`state.${shownState(order)}`));
     setAttribute(this.chip, "data-state", shownState(order));
     this.why.show(causesOfOrder(order, this.fleet));
-    this.bar.hidden = Boolean(this.fleet.noCommands);
-    this.withdraw.disabled = order.final;
-    this.hold.disabled = order.final || order.state === "WITHDRAWN";
-    setText(this.effect, t(order.processingVehicle ? "confirm.withdrawDriving" : "confirm.withdrawWaiting", { name: order.name, vehicle: order.processingVehicle }));
-    this.hold.hidden = Boolean(order.held);
-    this.resume.hidden = !order.held;
-    if (this.withdraw.disabled) this.effect.hidden = this.sure.hidden = true;
+    this.commands.update(order);
     this.progress.box.hidden = order.progress === null;
     this.progress.bar.value = order.progress ?? 0;
     setAttribute(this.progress.bar, "aria-label", t("progress.label", { name: order.id }));
     setText(this.progress.value, t("progress.value", { percent: number(order.progress ?? 0) }));
-    refill(this.stops, [order.destinations, order.currentDestination], () => order.destinations.map(stop));
-    refill(this.facts, factsOf(order), (facts) => facts.flatMap(([key, content]) => [element("dt", {}, t(key)), content()]));
+    refill(this.stops, [order.destinations, order.currentDestination, order.outcome], () => order.destinations.map((each) => stop(each, order)));
+    refill(this.facts, [...factsOf(order), ...moreFacts(order, this.status, this.fleet.store)], (facts) => facts.flatMap(([key, content]) => [element("dt", {}, t(key)), content()]));
   }
 
   async #loadHistory(version) {
     this.#version = version;
     const name = this.#name;
-    const entries = this.fleet.enabled ? await ofOrderService(name) : await ofAggregator(name);
-    if (name !== this.#name || !entries.length) return;
-    this.history.replaceChildren(...entries.map(entry));
+    const status = this.fleet.enabled ? await ask("transportOrders", name).catch(() => null) : null;
+    const entries = this.fleet.enabled ? ofOrderService(status) : await ofAggregator(name);
+    if (name !== this.#name) return;
+    this.status = status;
+    if (entries.length) this.history.replaceChildren(...entries.map(entry));
+    if (status) this.#update();
   }
 }
 
-async function ofOrderService(name) {
-  const status = await ask("transportOrders", name).catch(() => null);
+function ofOrderService(status) {
   return (status?.history ?? []).map((each) => ({
     time: each.timestamp,
     text: has(`event.${each.eventCode}`) ? t(`event.${each.eventCode}`) : each.eventCode,
@@ -144,14 +120,9 @@ function entry({ time, text, words }) {
   return element("li", {}, element("time", { datetime: time }, dateAndTime(time)), element("strong", {}, text), words);
 }
 
-function stop(each) {
-  return element(
-    "li",
-    { "data-state": each.state },
-    verbatim("span", t("destination", each)),
-    " ",
-    element("strong", {}, t(`drive.${each.state}`)),
-  );
+function stop(each, order) {
+  const state = stopState(each, order);
+  return element("li", { "data-state": state }, verbatim("span", t("destination", each)), " ", element("strong", {}, t(`drive.${state}`)));
 }
 
 function heldBy({ by, since }) {
@@ -169,7 +140,26 @@ function factsOf(order) {
     ["order.type", order.type !== "-" && (() => verbatim("dd", order.type))],
     ["order.deadline", order.deadline && moment(order.deadline)],
     ["order.created", moment(order.created)],
+    ["order.createdBy", order.automatic ? words(t("order.byItself")) : order.createdBy && (() => verbatim("dd", nameOfHolder(order.createdBy)))],
     ["order.finished", order.finished && moment(order.finished)],
+  ].filter(([, content]) => content);
+}
+
+// Facts that link to other orders, or that only the order service knows.
+function moreFacts(order, status, store) {
+  const links = (names) => () => element("dd", {}, ...names.flatMap((name, at) => [at ? ", " : "", verbatim("a", name, { href: address("orders", name) })]));
+  const before = order.dependencies;
+  const after = [...store.orders.values()].filter(({ dependencies }) => dependencies.includes(order.name)).map(({ name }) => name);
+  const policy = (status?.onFailure ?? []).map(({ do: measure, times, after: delay }) => t(`policy.${measure}`) + (times > 1 ? ` × ${number(times)}` : "") + (delay ? ` (${t("order.seconds", { seconds: number(delay) })})` : ""));
+  const minutes = (seconds) => () => element("dd", {}, t("order.minutes", { minutes: number(seconds / 60, 1) }));
+  return [
+    ["order.waitsFor", before.length && links(before)],
+    ["order.onDependencyFailure", before.length && status && (() => element("dd", {}, t(`dependency.${status.onDependencyFailure}`)))],
+    ["order.waitedForBy", after.length && links(after)],
+    ["order.sequence", status?.wrappingSequence && (() => verbatim("dd", status.wrappingSequence))],
+    ["order.timeout", status?.timeout && minutes(status.timeout)],
+    ["order.onFailure", policy.length && (() => element("dd", {}, policy.join(" → ")))],
+    ["order.properties", status?.properties.length && (() => verbatim("dd", status.properties.map(({ key, value }) => `${key}: ${value}`).join(", ")))],
   ].filter(([, content]) => content);
 }
 
@@ -182,9 +172,17 @@ class OrderForm extends HTMLElement {
     fleet.plant.addEventListener("change", () => !this.hidden && this.open("new"));
   }
 
+  /** Fill the form in with this request when it opens next. */
+  fillIn(request) {
+    this.first = request;
+  }
+
   /** Start a new order; null hides the form. */
   open(begin) {
-    if (begin === null) return this.replaceChildren();
+    if (begin === null) {
+      this.first = undefined;
+      return this.replaceChildren();
+    }
     this.key = newKey();
     const heading = element("h2", { tabindex: -1 }, t("orderForm.title"));
     const head = element("header", { class: "head" }, backLink(), heading);
@@ -195,11 +193,13 @@ class OrderForm extends HTMLElement {
   }
 
   #form() {
-    this.stops = new StopFields(this.fleet.plant);
+    const { destinations, intendedVehicle = "", priority = 0, deadline, name = "" } = this.first ?? {};
+    this.stops = new StopFields(this.fleet.plant, destinations);
     this.vehicle = select([["", t("orderForm.anyVehicle")], ...vehicles(this.fleet)], { name: "vehicle" });
-    this.priority = numberInput({ name: "priority", value: 0, min: -1000, max: 1000, step: 1 });
-    this.deadline = element("input", { type: "datetime-local", name: "deadline" });
-    this.name = element("input", { type: "text", name: "name", maxlength: 100, pattern: "[A-Za-z0-9_:\\-][A-Za-z0-9_.:\\-]*" });
+    this.vehicle.value = intendedVehicle;
+    this.priority = numberInput({ name: "priority", value: priority, min: -1000, max: 1000, step: 1 });
+    this.deadline = element("input", { type: "datetime-local", name: "deadline", value: deadline ? fieldTime(new Date(deadline)) : "" });
+    this.name = element("input", { type: "text", name: "name", value: name, maxlength: 100, pattern: "[A-Za-z0-9_:\\-][A-Za-z0-9_.:\\-]*" });
     const more = element(
       "div",
       { class: "fields" },
@@ -219,7 +219,11 @@ class OrderForm extends HTMLElement {
   async #send() {
     const deadline = this.deadline.value && new Date(this.deadline.value).toISOString();
     const wishes = { intendedVehicle: this.vehicle.value, deadline, name: this.name.value.trim() };
+    const { intendedVehicle, deadline: before, name, incompleteName, ...kept } = this.first ?? {}; // what the fields do not show
+    const unique = wishes.name && wishes.name === name ? { incompleteName } : {};
     const order = await command(["transportOrders"], {
+      ...kept,
+      ...unique,
       destinations: this.stops.destinations,
       priority: numberOf(this.priority) ?? 0,
       idempotencyKey: this.key,

@@ -2,7 +2,7 @@
 
 import { element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "./dom.js";
 import { conditionText, filterOf, isOfOrderService, orderOf, reasonOf, statusOfOrder } from "./explanations.js";
-import { hasFailed, shownState } from "./fleet.js";
+import { hasFailed, shownState, stopState } from "./fleet.js";
 import { age, byName, dateAndTime, number, plural, t } from "./i18n.js";
 import { LiveTable, cell, filterChip, matches } from "./live_table.js";
 import { nameAndState } from "./peripherals.js";
@@ -42,23 +42,10 @@ class RobotTable extends LiveTable {
     load: (a, b) => (b.loads?.length ?? 0) - (a.loads?.length ?? 0),
   };
 
-  /** Robots selected for a command. */
-  marked = new Set();
-
   /** Show the robots of the store; `commanded`: whether they can be selected for a command. */
   show(store, commanded) {
     this.commanded = commanded;
     this.follow(store, "robots");
-  }
-
-  /** Select or deselect robots. Fires `marked`. */
-  mark(ids, on) {
-    for (const id of ids) {
-      if (on) this.marked.add(id);
-      else this.marked.delete(id);
-    }
-    this.update();
-    this.dispatchEvent(new Event("marked"));
   }
 
   accept(robot) {
@@ -74,9 +61,7 @@ class RobotTable extends LiveTable {
 
   makeRow(id) {
     const name = verbatim("a", "", { class: "name", href: address("robots", id) });
-    const box = element("input", { type: "checkbox", class: "mark" });
-    box.hidden = !this.commanded;
-    box.addEventListener("change", () => this.mark([id], box.checked));
+    const box = this.makeBox(id);
     const parts = {
       name,
       box,
@@ -108,9 +93,7 @@ class RobotTable extends LiveTable {
       cell("robots.load", parts.load),
     );
     const update = (robot, now) => {
-      box.checked = this.marked.has(id);
-      row.classList.toggle("selected", box.checked);
-      setAttribute(box, "aria-label", t("robots.mark", { name: robot.name }));
+      this.showMark(row, box, robot);
       updateRobotRow(parts, row, robot, now, this.store);
     };
     return { row, update };
@@ -224,12 +207,14 @@ class OrderTable extends LiveTable {
     deadline: (a, b) => Date.parse(a.deadline ?? "9999") - Date.parse(b.deadline ?? "9999"),
   };
 
-  /** Show the orders of the store, below chips that filter them by state. */
-  show(store) {
+  /** Show the orders of the store, below chips that filter them by state; `commanded`: whether they can be selected for a command. */
+  show(store, commanded) {
+    this.commanded = commanded;
     this.follow(store, "orders");
     this.chips = Object.keys(SHOWN).map((name) => [name, filterChip("", () => lists.set({ state: lists.get("state") === name ? "" : name }))]);
+    this.automatic = filterChip(t("filter.automatic"), () => lists.set({ automatic: lists.get("automatic") ? "" : "1" }));
     const label = { class: "filter", role: "group", "aria-label": t("filter.state") };
-    this.prepend(element("div", label, ...this.chips.map(([, chip]) => chip)));
+    this.prepend(element("div", label, ...this.chips.map(([, chip]) => chip), this.automatic));
     this.addEventListener("count", () => this.#count());
     this.#count();
   }
@@ -239,11 +224,13 @@ class OrderTable extends LiveTable {
     if (isNamed(order.name)) return true;
     const state = lists.get("state");
     const chosen = Object.hasOwn(SHOWN, state) ? SHOWN[state] : () => true;
-    return chosen(order) && matches(lists.get("q"), [order.name, order.intendedVehicle, order.processingVehicle, order.type, ...places]);
+    return isListed(order) && chosen(order) && matches(lists.get("q"), [order.name, order.intendedVehicle, order.processingVehicle, order.type, ...places]);
   }
 
   #count() {
-    const orders = [...this.store.orders.values()];
+    const all = [...this.store.orders.values()];
+    const orders = all.filter(isListed);
+    this.automatic.show(t("filter.automatic"), all.some(({ automatic }) => automatic), Boolean(lists.get("automatic")));
     for (const [name, chip] of this.chips) {
       const count = orders.filter(SHOWN[name]).length;
       chip.show(t(`filter.${name}`, { count: number(count) }), count, lists.get("state") === name);
@@ -251,6 +238,7 @@ class OrderTable extends LiveTable {
   }
 
   makeRow(id) {
+    const box = this.makeBox(id);
     const parts = {
       created: element("span", { class: "detail" }),
       chip: element("span", { class: "chip" }),
@@ -267,7 +255,7 @@ class OrderTable extends LiveTable {
     const row = element(
       "tr",
       { "data-order": id },
-      cell("orders.name", verbatim("a", id, { class: "name", title: id, href: address("orders", id) }), parts.created),
+      cell("orders.name", box, verbatim("a", id, { class: "name", title: id, href: address("orders", id) }), parts.created),
       cell("orders.state", parts.chip, parts.doing, parts.reason, parts.unconfirmed),
       cell("orders.vehicle", parts.vehicle),
       cell("orders.destinations", parts.destinations),
@@ -276,16 +264,27 @@ class OrderTable extends LiveTable {
       cell("orders.priority", parts.priority),
       cell("orders.deadline", parts.deadline),
     );
-    return { row, update: (order, now) => updateOrderRow(parts, row, order, now, this.store) };
+    const update = (order, now) => {
+      this.showMark(row, box, order);
+      updateOrderRow(parts, row, order, now, this.store);
+    };
+    return { row, update };
   }
 }
 
+// Each order is in one of them, so that their sum is the number of orders.
 const SHOWN = {
-  open: (order) => !order.final,
+  open: (order) => !order.final && shownState(order) !== "HELD",
   held: (order) => shownState(order) === "HELD",
   failed: hasFailed,
+  withdrawn: (order) => ["WAS_WITHDRAWN", "GAVE_WAY"].includes(shownState(order)),
   finished: (order) => order.state === "FINISHED",
 };
+
+// Orders that the order service created to park or recharge robots are shown on request.
+function isListed({ automatic }) {
+  return !automatic || Boolean(lists.get("automatic"));
+}
 
 function updateOrderRow(parts, row, order, now, store) {
   row.classList.toggle("final", order.final);
@@ -317,7 +316,7 @@ function vehicle(order) {
 function updateDestinations(list, order) {
   const items = order.destinations.map((each, at) => ({
     text: t("destination", each),
-    state: at === order.currentDestination && !order.final ? "CURRENT" : each.state,
+    state: at === order.currentDestination && !order.final ? "CURRENT" : stopState(each, order),
   }));
   const shown = JSON.stringify(items);
   if (list.shown === shown) return;
