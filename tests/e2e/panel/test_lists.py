@@ -208,7 +208,8 @@ async def test_automatic_orders_are_shown_on_request_and_chips_add_up(hall: Hall
             await expect(page.get_by_role("button", name="Withdrawn 1")).to_be_visible()
             row = page.locator("tr[data-order='TO-1']")
             box = await row.bounding_box()
-            assert box and box["height"] < 34, "one line"
+            assert box is not None
+            assert box["height"] < 34, "one line"
             await page.get_by_role("button", name="Parking and charging too").click()
             await expect(tab).to_have_text("Orders (3)")
             await expect(page.locator("tr[data-order='Park-1'] .chip")).to_have_text("Gave way")

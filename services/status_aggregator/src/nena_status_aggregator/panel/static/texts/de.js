@@ -561,7 +561,6 @@ export const TEXTS = {
   "event.nena:changed": "Geändert",
   "event.nena:intendedVehicleChanged": "Vorgesehenes Fahrzeug geändert",
   "event.nena:withdrawalRequested": "Zurückgezogen",
-  "event.nena:changed": "Geändert",
   "event.nena:adoptedAfterRestart": "Nach Neustart fortgeführt",
   "event.nena:finalStateReached": "Beendet",
 

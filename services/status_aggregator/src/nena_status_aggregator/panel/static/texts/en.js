@@ -561,7 +561,6 @@ export const TEXTS = {
   "event.nena:changed": "Changed",
   "event.nena:intendedVehicleChanged": "Intended vehicle changed",
   "event.nena:withdrawalRequested": "Withdrawn",
-  "event.nena:changed": "Changed",
   "event.nena:adoptedAfterRestart": "Continued after restart",
   "event.nena:finalStateReached": "Ended",
 

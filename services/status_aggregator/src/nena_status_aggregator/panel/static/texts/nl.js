@@ -561,7 +561,6 @@ export const TEXTS = {
   "event.nena:changed": "Gewijzigd",
   "event.nena:intendedVehicleChanged": "Beoogd voertuig gewijzigd",
   "event.nena:withdrawalRequested": "Ingetrokken",
-  "event.nena:changed": "Gewijzigd",
   "event.nena:adoptedAfterRestart": "Voortgezet na herstart",
   "event.nena:finalStateReached": "Beëindigd",
 
