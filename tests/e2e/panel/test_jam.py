@@ -98,8 +98,10 @@ async def test_jam_is_traced_to_its_first_robot(hall: Hall, browser: Browser, *,
         jam(hall)
         async with opened(browser, hall.url, width=1600, height=1000, dark=dark) as page:
             header = page.locator("nena-fleet-summary")
-            await expect(header).to_contain_text("AMR-17: Emergency stop")
-            await expect(header).to_contain_text("Jam behind AMR-17: 5")
+            needs = page.locator("nena-attention-button")
+            await expect(needs).to_contain_text("AMR-17: Emergency stop")
+            jammed = page.locator("nena-attention li").filter(has_text="Jam")
+            await expect(jammed).to_contain_text("holds up 5 robots")
             await expect(header).to_contain_text("5 Waiting")
             await expect(header).to_contain_text("1 Idle")
             await expect(page.locator("tr[data-robot]").first).to_contain_text("AMR-17")
@@ -143,15 +145,15 @@ async def test_a_circle_is_named(hall: Hall, browser: Browser) -> None:
         for number, other in ((1, 2), (2, 3), (3, 1)):
             robot(hall, number, 3.0 * number, 7, other)
         async with opened(browser, hall.url) as page:
-            header = page.locator("nena-fleet-summary")
-            await expect(header).to_contain_text("Jam in a circle (AMR-01, AMR-02, AMR-03): 3")
+            needs = page.locator("nena-attention-button")
+            await expect(needs).to_contain_text("AMR-01, AMR-02, AMR-03: Robots wait for each other")
             await expect(row(page, 2)).to_contain_text("Waiting in a circle: AMR-01, AMR-02, AMR-03")
             await row(page, 2).get_by_role("link", name="AMR-02").click()
             causes = page.locator("nena-robot-page .causes")
             await expect(causes).to_contain_text("AMR-03: Waits for AMR-01")
             await expect(causes).to_contain_text("These robots wait for each other in a circle")
             robot(hall, 1, 3.0, 7)
-            await expect(header).not_to_contain_text("Jam")
+            await expect(needs).not_to_contain_text("each other")
 
 
 async def test_a_locked_path_is_the_head_of_those_that_wait_for_it(hall: Hall, browser: Browser) -> None:
@@ -274,7 +276,7 @@ async def test_emergency_stop_among_many_robots_is_visible_at_once(
             robot(hall, number, 9 + number % 8, 6 + number // 8 / 2, **stop)
         async with opened(browser, hall.url, width=width, height=height) as page:
             await expect(page.get_by_role("tab", name="Robots")).to_have_text(f"Robots ({ROBOTS})")
-            wide = page.get_by_role("link", name=f"AMR-{ROBOTS}: Emergency stop")
+            wide = page.get_by_role("button", name=f"AMR-{ROBOTS}: Emergency stop")
             narrow = page.locator("nena-attention").get_by_role("link", name=f"AMR-{ROBOTS}")
             await expect(wide if width > 900 else narrow).to_be_in_viewport()
             await expect(page.locator("tr[data-robot]").first).to_contain_text(f"AMR-{ROBOTS}")

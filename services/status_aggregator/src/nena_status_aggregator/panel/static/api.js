@@ -82,8 +82,14 @@ export function newKey() {
   return [...crypto.getRandomValues(new Uint8Array(16))].map((each) => each.toString(16).padStart(2, "0")).join("");
 }
 
-async function request(path, options, query = "") {
-  const url = [BASE, ...path.map(encodeURIComponent)].join("/") + query;
+/** Acknowledge a matter of the attention list; `by`: name of the person. */
+export function acknowledge(id, by) {
+  const headers = { "content-type": "application/json" };
+  return request([id, "acknowledgement"], { method: "POST", headers, body: JSON.stringify({ by }) }, "", "api/v1/attention");
+}
+
+async function request(path, options, query = "", base = BASE) {
+  const url = [base, ...path.map(encodeURIComponent)].join("/") + query;
   let answer, body;
   try {
     answer = await fetch(url, options);

@@ -26,7 +26,7 @@ export function jobOf({ job, jobs }) {
 }
 
 const KINDS = ["robots", "orders", "peripherals"];
-const PARTS = ["plant", "link", "orderService", "jams", "malformed"];
+const PARTS = ["plant", "link", "orderService", "jams", "attention", "malformed"];
 
 /**
  * Robots, orders and peripheral devices by id, and the other parts, kept up to date by the event stream. Fires `change` with
@@ -40,6 +40,7 @@ export class FleetStore extends EventTarget {
   link = { connected: false, since: null };
   orderService = { up: null, lastSign: null, stops: [], brokerLacks: [] };
   jams = [];
+  attention = [];
   malformed = { counts: {} };
   share = "1/1";
   #offset = 0;

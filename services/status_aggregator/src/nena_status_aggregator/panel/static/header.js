@@ -1,11 +1,11 @@
 // The frame of the page: summary, connection banner, message health, language, theme and user menu.
 
 import { logOut } from "./api.js";
-import { button, element, foreign, icon, refill, setText, verbatim } from "./dom.js";
-import { adviceFor, conditionText, filterOf, reasonOf } from "./explanations.js";
-import { byName, chooseLanguage, chosenLanguage, has, LANGUAGES, plural, t, timeOfDay } from "./i18n.js";
+import { button, element, foreign, icon, setText, verbatim } from "./dom.js";
+import { filterOf } from "./explanations.js";
+import { chooseLanguage, chosenLanguage, has, LANGUAGES, plural, t, timeOfDay } from "./i18n.js";
 import { filterChip } from "./live_table.js";
-import { address, lists } from "./router.js";
+import { lists } from "./router.js";
 
 export const CONDITIONS = [
   "ERROR",
@@ -20,9 +20,7 @@ export const CONDITIONS = [
   "OFFLINE",
 ];
 
-const NAMED = 5;
-
-/** Chips that filter the robot list: robots that need attention by name, jams, and all others by condition. */
+/** Chips that filter the robot list by condition. */
 class FleetSummary extends HTMLElement {
   /** Attach to the store. */
   show(store) {
@@ -30,9 +28,8 @@ class FleetSummary extends HTMLElement {
     this.setAttribute("aria-label", t("summary.label"));
     this.total = element("span", { class: "total" });
     this.share = element("span", { class: "share" });
-    this.named = element("span", { class: "named" });
     this.chips = ["URGENT", ...CONDITIONS].map((name) => [name, this.#chip(name)]);
-    this.replaceChildren(this.total, this.share, this.named, ...this.chips.map(([, chip]) => chip));
+    this.replaceChildren(this.total, this.share, ...this.chips.map(([, chip]) => chip));
     store.addEventListener("change", () => this.#update(store));
     lists.addEventListener("change", () => this.#update(store));
   }
@@ -48,21 +45,13 @@ class FleetSummary extends HTMLElement {
 
   #update(store) {
     const robots = [...store.robots.values()];
-    const urgent = robots.filter((each) => each.urgent).sort((a, b) => byName(a.name, b.name));
-    const named = urgent.slice(0, NAMED).map((each) => [each.id, t("summary.urgent", { name: each.name, why: conditionText(each) })]);
-    const jams = store.jams.map((jam) => [jamAddress(jam, store), jamText(jam)]);
     setText(this.total, robots.length ? plural("summary.robots", robots.length) : t("summary.none"));
     const [number, of] = store.share.split("/");
     setText(this.share, of === "1" ? "" : t("summary.share", { number, of }));
-    refill(this.named, [named, jams], () => [
-      ...named.map(([id, text]) => element("a", { class: "chip", "data-urgent": "", href: address("robots", id) }, text)),
-      ...jams.map(([href, text]) => element("a", { class: "chip jam", "data-condition": "WAITING", href }, text)),
-    ]);
     const chosen = conditions();
     for (const [name, chip] of this.chips) {
       const count = robots.filter((each) => filterOf(each) === name).length;
-      const shown = name === "URGENT" && count <= NAMED ? 0 : count; // up to NAMED robots are named instead
-      chip.show(`${count} ${t(has(`condition.${name}.many`) && shown !== 1 ? `condition.${name}.many` : `condition.${name}`)}`, shown, chosen.includes(name));
+      chip.show(`${count} ${t(has(`condition.${name}.many`) && count !== 1 ? `condition.${name}.many` : `condition.${name}`)}`, count, chosen.includes(name));
     }
   }
 }
@@ -71,49 +60,7 @@ function conditions() {
   return lists.get("condition").split(",").filter(Boolean);
 }
 
-function jamText({ head, circle, robots }) {
-  return head ? t("summary.jam", { count: robots, head }) : t("summary.circle", { count: robots, names: circle.join(", ") });
-}
-
-function jamAddress({ head, circle }, store) {
-  if (head && store.isLockedPath(head)) return address("places", head);
-  const robot = store.robotOfVehicle(head ?? circle[0]);
-  return robot ? address("robots", robot.id) : "#/";
-}
-
 customElements.define("nena-fleet-summary", FleetSummary);
-
-const STUCK = ["ERROR", "BROKEN", "SILENT", "BLOCKED"];
-const LISTED = 8;
-
-/** On a phone: the robots that need attention, before everything else. */
-class Attention extends HTMLElement {
-  /** Attach to the store. */
-  show(store) {
-    store.addEventListener("change", () => this.#update(store));
-  }
-
-  #update(store) {
-    this.hidden = !store.robots.size; // without robots, "none needs attention" would be misleading
-    const stuck = [...store.robots.values()].filter((each) => each.urgent || STUCK.includes(each.condition));
-    stuck.sort((a, b) => b.urgent - a.urgent || byName(a.name, b.name));
-    const shown = stuck.slice(0, LISTED).map((each) => [each.id, each.name, each.urgent, each.condition, conditionText(each), reasonOf(each), adviceFor(each)]);
-    refill(this, [shown, stuck.length], () => [
-      element("h2", { id: "attention-title" }, t(stuck.length ? "attention.title" : "attention.none")),
-      element("ul", { class: "entries" }, ...shown.map(attentionItem)),
-      stuck.length > LISTED ? element("p", { class: "hint" }, t("summary.more", { count: stuck.length - LISTED })) : "",
-    ]);
-  }
-}
-
-function attentionItem([id, name, urgent, condition, text, reason, advice]) {
-  const chip = element("span", { class: "chip", "data-condition": condition }, text);
-  if (urgent) chip.dataset.urgent = "";
-  const link = verbatim("a", name, { class: "name", href: address("robots", id) });
-  return element("li", {}, link, " ", chip, element("p", {}, reason), advice ? element("p", { class: "advice" }, advice) : "");
-}
-
-customElements.define("nena-attention", Attention);
 
 class LinkBanner extends HTMLElement {
   show(store, link) {

@@ -7,6 +7,7 @@ import { unsentForm } from "./forms.js";
 import { chosenLanguage, t } from "./i18n.js";
 import { address, followView } from "./router.js";
 import "./divider.js";
+import "./attention.js";
 import "./fleet_commands.js";
 import "./header.js";
 import "./history_page.js";
@@ -38,7 +39,9 @@ const withoutId = ["history", "reports", "schedules", "audit"]; // views
 
 const tables = { robots: part("robot-table"), orders: part("order-table"), peripherals: part("peripheral-table") };
 
-for (const name of ["fleet-summary", "attention", "message-health", "peripheral-table"]) part(name).show(store);
+for (const name of ["fleet-summary", "message-health", "peripheral-table"]) part(name).show(store);
+part("attention").show(fleet, session);
+part("attention-button").show(store, part("attention"));
 tables.robots.show(store, !noCommands);
 tables.orders.show(store, !noCommands);
 part("several-orders").show(tables.orders);

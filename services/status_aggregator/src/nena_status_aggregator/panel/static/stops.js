@@ -10,8 +10,8 @@ const KEY = "nena-person";
 const CONFIRMED_WITHIN = 10_000; // ms
 const CORNERS = ["xMin", "yMin", "xMax", "yMax"];
 
-// The name of the person: the signed-in user, else the name that was last entered in this browser.
-function personField(session) {
+/** Create the field for the name of the person: the signed-in user, else the name that was last entered in this browser. */
+export function personField(session) {
   const by = element("input", { name: "by", required: true, maxlength: 100, autocomplete: "name" });
   by.value = session?.user ?? localStorage.getItem(KEY) ?? "";
   by.addEventListener("change", () => localStorage.setItem(KEY, by.value));

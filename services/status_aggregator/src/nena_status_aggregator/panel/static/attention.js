@@ -1,0 +1,150 @@
+// What needs a person: the count in the header and the title, the list, and notifications of the browser.
+
+import { acknowledge, command } from "./api.js";
+import { button, element, field, foreign, refill, setAttribute, setText, verbatim } from "./dom.js";
+import { adviceFor, conditionText, reasonOf, statusOfOrder } from "./explanations.js";
+import { run } from "./forms.js";
+import { has, plural, t, timeOfDay } from "./i18n.js";
+import { address } from "./router.js";
+import { personField } from "./stops.js";
+
+const OWN_TEXT = ["battery_low", "taken_out"]; // kinds about a robot that its condition may not name
+
+/** Return what a matter is: a few words in the panel's language. */
+function labelOf({ kind, robot }, store) {
+  const shown = store.robots.get(robot);
+  return shown && !OWN_TEXT.includes(kind) ? conditionText(shown) : t(`attention.${kind}`);
+}
+
+// The reason, `{text, foreign}`; for what has no own words, empty.
+function reasonFor({ kind, robot, subject, reason }, store) {
+  const shown = store.robots.get(robot);
+  if (shown) return { text: reasonOf(shown) };
+  const order = kind.startsWith("order_") && store.orders.get(subject);
+  if (order) return statusOfOrder(order, store);
+  return kind === "stop" ? { foreign: reason } : {};
+}
+
+function adviceOf({ kind, robot }, store) {
+  const shown = store.robots.get(robot);
+  return has(`attention.advice.${kind}`) ? t(`attention.advice.${kind}`) : shown ? adviceFor(shown) : "";
+}
+
+function linkOf({ kind, robot, subject }, store) {
+  if (robot) return address("robots", robot);
+  if (kind.startsWith("order_") && subject) return address("orders", subject);
+  if (kind === "path_locked") return address("places", subject);
+  const head = store.robotOfVehicle(subject.split(", ")[0]);
+  return head ? address("robots", head.id) : null;
+}
+
+// The button that ends a matter at once, `[text, send]`; the others are ended on the page of their robot or order.
+const ENDS = {
+  path_locked: ({ subject }, plant) => ["place.unlock", async () => (await plant.lock(subject, false), ["done.unlocked", { name: subject }])],
+  order_held: ({ subject }) => ["order.resume", async () => (await command(["transportOrders", subject, "resume"], { reason: "resumed at the control panel" }), ["done.resumed", { name: subject }])],
+  taken_out: ({ subject }) => ["attention.useAgain", async () => (await command(["vehicles", subject, "integrationLevel"], { integrationLevel: "TO_BE_UTILIZED" }, "PUT"), ["done.integration", { name: subject, level: t("integration.TO_BE_UTILIZED") }])],
+};
+
+/** The button in the header: how many matters nobody has acknowledged, and the most urgent one. */
+class AttentionButton extends HTMLElement {
+  /** Attach to the store; `list` is the element that the button shows. */
+  show(store, list) {
+    this.button = button("", () => this.#toggle(list), { "aria-expanded": "false", "aria-controls": list.id });
+    this.replaceChildren(this.button);
+    store.addEventListener("change", () => this.#update(store));
+  }
+
+  #toggle(list) {
+    const open = document.body.toggleAttribute("data-attention");
+    setAttribute(this.button, "aria-expanded", String(open));
+    list.scrollIntoView({ block: "nearest" });
+  }
+
+  #update(store) {
+    const open = store.attention.filter((each) => !each.acknowledged);
+    const [first] = open;
+    document.title = open.length ? `(${open.length}) NeNa` : "NeNa";
+    setAttribute(this.button, "data-urgent", first?.urgent ? "" : null);
+    const what = first && [first.subject, labelOf(first, store)].filter(Boolean).join(": ");
+    setText(this.button, first ? plural("attention.count", open.length, { what }) : t("attention.none"));
+  }
+}
+
+customElements.define("nena-attention-button", AttentionButton);
+
+/** The list: each matter with what it holds up, what to do, and buttons. */
+class Attention extends HTMLElement {
+  #rows = new Map();
+  #known = null; // the IDs that were in the list before
+
+  /** Attach to `fleet`: {store, plant, noCommands}. */
+  show(fleet, session) {
+    this.fleet = fleet;
+    this.session = session;
+    this.heading = element("h2", { id: "attention-title" });
+    this.by = personField(session);
+    this.name = field(t("stops.by"), this.by);
+    this.notify = button(t("attention.notify"), async () => (await Notification.requestPermission(), this.#update()));
+    this.list = element("ul", { class: "entries" });
+    this.replaceChildren(element("div", { class: "title" }, this.heading, element("div", { class: "actions" }, this.name, this.notify)), this.list);
+    fleet.store.addEventListener("change", () => this.#update());
+  }
+
+  #update() {
+    const { attention } = this.fleet.store;
+    setText(this.heading, t(attention.length ? "attention.title" : "attention.none"));
+    this.name.hidden = Boolean(this.session?.user) || !attention.some((each) => !each.acknowledged);
+    this.notify.hidden = !("Notification" in window) || Notification.permission !== "default";
+    const rows = attention.map((each) => this.#row(each));
+    if (rows.length !== this.list.children.length || rows.some((row, at) => this.list.children[at] !== row)) this.list.replaceChildren(...rows);
+    this.#rows = new Map(attention.map(({ id }, at) => [id, rows[at]]));
+    this.#tell(attention);
+  }
+
+  #tell(attention) {
+    const fresh = this.#known && attention.filter(({ id, acknowledged }) => !this.#known.has(id) && !acknowledged);
+    this.#known = new Set(attention.map(({ id }) => id));
+    if (!fresh?.length || !("Notification" in window) || Notification.permission !== "granted") return;
+    for (const each of fresh) new Notification(`${each.subject} ${labelOf(each, this.fleet.store)}`.trim(), { body: adviceOf(each, this.fleet.store), tag: each.id });
+  }
+
+  #row(matter) {
+    const { store } = this.fleet;
+    const row = this.#rows.get(matter.id) ?? element("li");
+    const shown = { matter, label: labelOf(matter, store), reason: reasonFor(matter, store), advice: adviceOf(matter, store), link: linkOf(matter, store) };
+    refill(row, shown, () => this.#parts(shown));
+    return row;
+  }
+
+  #parts({ matter, label, reason, advice, link }) {
+    const { robotCount, orderCount, acknowledged, urgent } = matter;
+    const chip = element("span", { class: "chip", "data-urgent": urgent ? "" : null, "data-condition": urgent ? null : "BLOCKED" }, label);
+    const name = matter.subject && verbatim(link ? "a" : "strong", matter.subject, { class: "name", href: link });
+    const held = [robotCount && plural("attention.robots", robotCount), orderCount && plural("attention.orders", orderCount)].filter(Boolean);
+    const since = t("attention.since", { time: timeOfDay(matter.since) });
+    const facts = [since, held.length ? t("attention.holds", { what: held.join(", ") }) : "", acknowledged ? t("attention.by", { by: acknowledged.by }) : ""];
+    return [
+      chip, " ", name, element("span", { class: "detail" }, facts.filter(Boolean).join(" · ")),
+      reason.text ? element("p", {}, reason.text) : "",
+      reason.foreign ? element("p", {}, foreign("q", reason.foreign)) : "",
+      advice ? element("p", { class: "advice" }, advice) : "",
+      this.#buttons(matter),
+    ];
+  }
+
+  #buttons(matter) {
+    const result = element("output", { class: "result", role: "status" });
+    const made = [];
+    const end = !this.fleet.noCommands && ENDS[matter.kind]?.(matter, this.fleet.plant);
+    if (end) made.push(button(t(end[0]), ({ currentTarget }) => run(currentTarget, result, end[1])));
+    if (!matter.acknowledged && this.session?.role !== "viewer") made.push(button(t("attention.acknowledge"), ({ currentTarget }) => this.#acknowledge(currentTarget, result, matter.id)));
+    return element("div", { class: "actions" }, ...made, result);
+  }
+
+  #acknowledge(pressed, result, id) {
+    if (!this.by.value.trim()) return this.by.focus();
+    return run(pressed, result, async () => (await acknowledge(id, this.by.value), ["attention.by", { by: this.by.value }]));
+  }
+}
+
+customElements.define("nena-attention", Attention);
