@@ -15,6 +15,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from nena_cli.__main__ import app
+from nena_client import Client
 from nena_demo.plants import sample_plant_path
 from support.broker import Broker, free_port
 from support.order_service_fleet import Fleet, order_in, vehicle_idle
@@ -97,6 +98,30 @@ async def test_orders_are_created_listed_shown_and_withdrawn(fleet: Fleet) -> No
     watched = await nena("orders", "watch", "T-1")
     assert watched.exit_code == 1
     assert "T-1 is FAILED: not needed" in watched.stderr
+
+
+async def test_paths_are_locked_and_several_orders_withdrawn(fleet: Fleet) -> None:
+    client = await fleet.order_service().client()
+    nena = Nena(str(client.base_url))
+    name = "Middle 3 --- Middle 4"
+    assert (await nena("paths", "lock", name, "--check")).stdout == "none\tnone\n"
+    assert await nena.json("paths", "list", "--locked") == []
+    (locked,) = await nena.json("paths", "lock", name)
+    assert (locked["name"], locked["locked"]) == (name, True)
+    (listed,) = await nena.json("paths", "list", "--locked")
+    assert listed == locked
+    (unlocked,) = await nena.json("paths", "unlock", name)
+    assert unlocked["locked"] is False
+
+    for order in ("T-1", "T-2"):
+        await nena("orders", "create", "South 2", "--name", order, "--vehicle", "Robot-02")
+    with (
+        Client(str(client.base_url)) as own,
+        pytest.raises(TimeoutError, match=r"'T-1' has not ended after 0\.1 s"),
+    ):
+        await asyncio.to_thread(own.wait_for, "T-1", 0.1)
+    assert (await nena("orders", "withdraw", "T-1", "T-2")).exit_code == 0
+    assert {each["state"] for each in await nena.json("orders", "list")} == {"FAILED"}
 
 
 async def test_orders_are_imported_from_a_file(fleet: Fleet, tmp_path: Path) -> None:

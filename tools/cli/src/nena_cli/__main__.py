@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
 from inspect import Parameter
@@ -54,6 +55,7 @@ COMMANDS: Final = {
     "dispatch": Command("nena_cli.dispatch", "dispatch", "Send a vehicle to a destination."),
     "traffic": Command("nena_cli.traffic", "traffic", "Show where vehicles will be in the next minute."),
     "points": Command("nena_cli.places", "points", "Points, and the vehicles that use them."),
+    "paths": Command("nena_cli.places", "paths", "Paths: which are locked, lock and unlock them."),
     "locations": Command("nena_cli.places", "locations", "Locations: what they offer, and at which points."),
     "stops": Command("nena_cli.stops", "app", "Stops: pause all robots, or those in an area."),
     "zones": Command("nena_cli.zones", "app", "Zone sets (VDA 5050 3.0)."),
@@ -88,6 +90,9 @@ class Commands(TyperGroup):
         """Return the command that is called."""
         if args and (found := COMMANDS.get(args[0])):
             return args[0], found.load(), args[1:]
+        names = self.list_commands(ctx)
+        if args and args[0] not in names and (alike := get_close_matches(args[0], names)):
+            ctx.fail(f"No such command {args[0]!r}. Did you mean {' or '.join(map(repr, alike))}?")
         return super().resolve_command(ctx, args)
 
 

@@ -52,6 +52,7 @@ BATCH = 1000
 app = group()
 
 Name = Annotated[str, typer.Argument(help="Name of the order.", autocompletion=order_names)]
+Names = Annotated[list[str], typer.Argument(help="Names of the orders.", autocompletion=order_names)]
 By = Annotated[str | None, typer.Option(help="Name of the requester. Unset: the user name.")]
 Version = Annotated[int | None, typer.Option(help="Change only if the order still has this version.")]
 
@@ -247,13 +248,14 @@ def _local_moment(text: str | None) -> str | None:
 @of_service
 def withdraw(
     service: Service,
-    name: Name,
+    names: Names,
     *,
     reason: Annotated[str | None, typer.Option(help="Reason, kept in the order's history.")] = None,
     version: Version = None,
 ) -> None:
-    """Withdraw a transport order: it fails immediately, or when its vehicle has released it."""
-    _change_order(service, WITHDRAW, name, {"reason": reason}, version)
+    """Withdraw transport orders: each fails immediately, or when its vehicle has released it."""
+    for name in names:
+        _change_order(service, WITHDRAW, name, {"reason": reason}, version)
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""``nena points`` and ``nena locations``: places of the plant model at a running order service."""
+"""``nena points``, ``paths`` and ``locations``: the plant model at a running order service."""
 
 from __future__ import annotations
 
@@ -10,10 +10,19 @@ from nena_cli import tables
 from nena_cli.options import group
 from nena_cli.service import Service, names, of_service, vehicle_names
 from nena_client.exchange import Query
-from nena_shared.fleet_api.operations.plant import LIST_LOCATIONS, LIST_POINTS, SHOW_LOCATION, SHOW_POINT
+from nena_shared.fleet_api.operations.plant import (
+    LIST_LOCATIONS,
+    LIST_PATHS,
+    LIST_POINTS,
+    LOCK_PATH,
+    PREVIEW_PATH_LOCK,
+    SHOW_LOCATION,
+    SHOW_POINT,
+)
 from nena_shared.plant_terms import PointType
 
 points = group()
+paths = group()
 locations = group()
 
 
@@ -35,6 +44,12 @@ def location_names(context: typer.Context, incomplete: str) -> list[str]:
     )
 
 
+def path_names(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the names of paths for the shell's completion, as :func:`vehicle_names`."""
+    return names(context, incomplete, lambda connection: list(connection.call(LIST_PATHS).paths))
+
+
+PathName = Annotated[str, typer.Argument(help="Name of the path.", autocompletion=path_names)]
 PointName = Annotated[str, typer.Argument(help="Name of the point.", autocompletion=point_names)]
 LocationName = Annotated[str, typer.Argument(help="Name of the location.", autocompletion=location_names)]
 
@@ -70,6 +85,47 @@ def show_point(service: Service, name: PointName) -> None:
     with service.connected() as connection:
         point = connection.call(SHOW_POINT, name)
     service.print_all((point,), tables.points_table)
+
+
+@paths.command("list")
+@of_service
+def list_paths(
+    service: Service,
+    *,
+    locked: Annotated[bool | None, typer.Option("--locked/--unlocked", help="Only such paths.")] = None,
+) -> None:
+    """List the paths, and which of them are locked."""
+    query = {} if locked is None else {"locked": str(locked).lower()}
+    with service.connected() as connection:
+        found = connection.call(LIST_PATHS, query=query).paths
+    service.print_all(found, tables.paths_table)
+
+
+@paths.command("lock")
+@of_service
+def lock_path(
+    service: Service,
+    name: PathName,
+    *,
+    check: Annotated[bool, typer.Option("--check", help="Only show what would have no other route.")] = False,
+) -> None:
+    """Lock a path: new routes avoid it, also those of driving vehicles."""
+    with service.connected() as connection:
+        if check:
+            preview = connection.call(PREVIEW_PATH_LOCK, name)
+            service.print_all((preview,), tables.lock_previews_table)
+            return
+        path = connection.call(LOCK_PATH, name, body={"locked": True})
+    service.print_all((path,), tables.paths_table)
+
+
+@paths.command("unlock")
+@of_service
+def unlock_path(service: Service, name: PathName) -> None:
+    """Unlock a path."""
+    with service.connected() as connection:
+        path = connection.call(LOCK_PATH, name, body={"locked": False})
+    service.print_all((path,), tables.paths_table)
 
 
 @locations.command("list")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # a command needs few of them
     from nena_shared.fleet_api.audit import AuditEntry
     from nena_shared.fleet_api.peripherals import PeripheralJobStatus, PeripheralStatus
     from nena_shared.fleet_api.places import LocationStatus, PointStatus
-    from nena_shared.fleet_api.plant import ZoneSetStatus
+    from nena_shared.fleet_api.plant import PathLockPreview, PathStatus, ZoneSetStatus
     from nena_shared.fleet_api.requests import InstantActionAnswer
     from nena_shared.fleet_api.schedules import ScheduleStatus
     from nena_shared.fleet_api.stops import StopStatus
@@ -292,6 +292,23 @@ def points_table(points: Iterable[PointStatus]) -> Table:
                 (point.name, point.type, place, point.map_id or "", *(", ".join(them) for them in names)),
             )
         )
+    return table
+
+
+def paths_table(paths: Iterable[PathStatus]) -> Table:
+    """Return a table with a row for each path."""
+    table = Table("path", "from", "to", "locked")
+    for path in paths:
+        locked = f"by stop {path.stop}" if path.stop else "yes" if path.locked else "no"
+        table.add_row(*map(Text, (path.name, path.source_point, path.destination_point, locked)))
+    return table
+
+
+def lock_previews_table(previews: Iterable[PathLockPreview]) -> Table:
+    """Return a table of what would have no other route."""
+    table = Table("vehicles without another route", "orders without another route")
+    for preview in previews:
+        table.add_row(*(Text(", ".join(names) or "none") for names in (preview.vehicles, preview.orders)))
     return table
 
 

@@ -150,11 +150,21 @@ class Client:
                 on_break(str(error))
             time.sleep(RETRY_PAUSE)
 
-    def wait_for(self, order: str) -> TransportOrderStatus:
-        """Wait until a transport order has ended, and return it."""
+    def wait_for(self, order: str, timeout: float | None = None) -> TransportOrderStatus:
+        """Wait until a transport order has ended, and return it.
+
+        Raises:
+            TimeoutError: it has not ended after ``timeout`` seconds, which are looked at with each event or
+                heartbeat.
+
+        """
+        end = None if timeout is None else time.monotonic() + timeout
         with closing(self.events({"kind": ORDER_EVENT, ORDER_EVENT: order})) as events:
             status = self.call(SHOW_ORDER, order)
             while not status.state.final:
+                if end is not None and time.monotonic() >= end:
+                    message = f"order {order!r} has not ended after {timeout:g} s; it is {status.state.value}"
+                    raise TimeoutError(message)
                 next(events)  # also a heartbeat: an order that ended before the stream began has no event
                 status = self.call(SHOW_ORDER, order)
         return status
@@ -288,7 +298,7 @@ class AsyncClient:
             await _pause()
 
     async def wait_for(self, order: str) -> TransportOrderStatus:
-        """Wait until a transport order has ended, and return it."""
+        """Wait until a transport order has ended, and return it; limit it by ``asyncio.timeout``."""
         async with aclosing(self.events({"kind": ORDER_EVENT, ORDER_EVENT: order})) as events:
             status = await self.call(SHOW_ORDER, order)
             while not status.state.final:

@@ -381,7 +381,7 @@ def _fail_drive(
         error(
             ErrorType.NODE_UNREACHABLE,
             f"node '{node.node_id}' was not reached: {description} ({failure})",
-            hint=f"{hint or 'fix the cause'}, then update the order or cancel it",
+            hint=hint or "fix the cause",
             node_id=node.node_id,
             order_id=robot.progress.order_id,
             order_update_id=robot.progress.order_update_id,
