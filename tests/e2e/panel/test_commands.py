@@ -468,7 +468,7 @@ async def test_reasons_of_the_order_service_are_in_the_language_of_the_panel(
         await awaited(recorded, lambda text: '"FAILED"' in text, what="the withdrawal is in the history")
         await page.goto(f"{fleet.url}#/history")
         log = page.locator("nena-history-page")
-        await expect(log).to_contain_text("Fehlgeschlagen: am Leitstand zurückgezogen")
+        await expect(log).to_contain_text("Zurückgezogen: am Leitstand zurückgezogen")
         await expect(log).not_to_contain_text("works on another order")
 
 

@@ -171,8 +171,10 @@ async def test_a_locked_path_is_the_head_of_those_that_wait_for_it(hall: Hall, b
             hall.peer.publish(hall.fleet.vehicle_status(key.serial_number), body, retain=True)
         robot(hall, 5, 15, 7, 4)
         async with opened(browser, hall.url, width=1600, height=1000) as page:
-            header = page.locator("nena-fleet-summary")
-            await expect(header).to_contain_text(f"Jam behind {path}: 5")
+            await page.locator("nena-attention-button").click()
+            jammed = page.locator("nena-attention li").filter(has_text="Jam")
+            await expect(jammed).to_contain_text("holds up 5 robots")
+            await expect(jammed.get_by_role("link", name=path)).to_be_visible()
             await expect(row(page, 1)).to_contain_text(f"Waits until path {path} is unlocked.")
             await row(page, 5).get_by_role("link", name=f"Head of queue: path {path}, locked").click()
             await expect(page.locator("nena-place-page h2")).to_have_text(path)
@@ -382,8 +384,8 @@ async def test_reasons_of_a_stopped_order_service_are_marked_as_outdated(
 @pytest.mark.parametrize(
     ("language", "words"),
     [
-        ("de-DE", ("Stau hinter AMR-17: 5", "Not-Halt", "Wartet", "Ganz vorn: AMR-17 (Not-Halt)")),
-        ("nl-NL", ("File achter AMR-17: 5", "Noodstop", "Wacht", "Vooraan: AMR-17 (Noodstop)")),
+        ("de-DE", ("Stau", "hält auf: 5 Roboter", "Not-Halt", "Wartet", "Ganz vorn: AMR-17 (Not-Halt)")),
+        ("nl-NL", ("Opstopping", "houdt op: 5 robots", "Noodstop", "Wacht", "Vooraan: AMR-17 (Noodstop)")),
     ],
 )
 async def test_jam_is_shown_in_the_users_language(
@@ -392,8 +394,9 @@ async def test_jam_is_shown_in_the_users_language(
     async with hall.connected(*JAM):
         jam(hall)
         async with opened(browser, hall.url, width=390, language=language) as page:
-            summary, urgent, waiting, head = words
-            await expect(page.locator("nena-fleet-summary")).to_contain_text(summary)
+            jammed, holds, urgent, waiting, head = words
+            matter = page.locator("nena-attention li").filter(has_text=jammed)
+            await expect(matter).to_contain_text(holds)
             await expect(row(page, 17)).to_contain_text(urgent)
             await expect(row(page, 1)).to_contain_text(waiting)
             await expect(row(page, 1)).to_contain_text(head)

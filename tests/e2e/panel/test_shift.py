@@ -207,7 +207,7 @@ async def the_stopped_robot_is_seen(screen: Screen) -> None:
 async def the_head_of_the_jam_is_two_clicks_away(screen: Screen) -> None:
     page, say = screen.page, screen.say
     last = f"AMR-{STOPPED + (2 if screen.narrow else JAMMED - 1)}"  # on a phone, one that is in sight
-    waiting = page.get_by_role("button", name=f"{JAMMED - 1} {say('condition.WAITING')}")
+    waiting = page.get_by_role("button", name=f"{JAMMED - 1} {say('condition.WAITING.many')}")
     await waiting.click()
     row = page.locator("tr[data-robot]").filter(has_text=last).first
     head = say("robots.head", name=f"AMR-{STOPPED}", condition=say("urgent.emergency_stop"))

@@ -106,6 +106,8 @@ async def ways_and_zones_are_changed(host: Host) -> None:
 
 async def paths_are_locked_and_vehicles_told(client: httpx.AsyncClient, host: Host) -> None:
     path = (await client.get("/v1/paths")).json()["paths"][0]["name"]
+    preview = (await host.ask("previewPathLock", path=path))["preview"]
+    assert preview == {"vehicles": [], "orders": []}
     assert (await host.ask("lockPath", path=path, locked=True))["path"]["locked"] is True
     assert (await host.ask("lockPath", path=path, locked=False))["path"]["locked"] is False
     level = await host.ask("integrationLevel", vehicle="Robot-02", integrationLevel="TO_BE_IGNORED")

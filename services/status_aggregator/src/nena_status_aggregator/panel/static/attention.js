@@ -34,6 +34,7 @@ function linkOf({ kind, robot, subject }, store) {
   if (robot) return address("robots", robot);
   if (kind.startsWith("order_") && subject) return address("orders", subject);
   if (kind === "path_locked") return address("places", subject);
+  if (store.isLockedPath(subject)) return address("places", subject);
   const head = store.robotOfVehicle(subject.split(", ")[0]);
   return head ? address("robots", head.id) : null;
 }
@@ -83,7 +84,7 @@ class Attention extends HTMLElement {
     this.session = session;
     this.heading = element("h2", { id: "attention-title" });
     this.by = personField(session);
-    this.name = field(t("stops.by"), this.by);
+    this.name = field(t("attention.as"), this.by);
     this.notify = button(t("attention.notify"), async () => (await Notification.requestPermission(), this.#update()));
     this.list = element("ul", { class: "entries" });
     this.replaceChildren(element("div", { class: "title" }, this.heading, element("div", { class: "actions" }, this.name, this.notify)), this.list);

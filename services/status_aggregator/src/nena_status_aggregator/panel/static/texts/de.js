@@ -13,6 +13,7 @@ export const TEXTS = {
   "attention.none": "Kein Eingriff nötig",
   "attention.count.one": "{count} Eingriff nötig: {what}",
   "attention.count.other": "{count} Eingriffe nötig: {what}",
+  "attention.as": "Bestätigen als",
   "attention.acknowledge": "Quittieren",
   "attention.by": "quittiert von {by}",
   "attention.notify": "Hier melden",

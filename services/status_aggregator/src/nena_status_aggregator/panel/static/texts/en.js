@@ -13,6 +13,7 @@ export const TEXTS = {
   "attention.none": "Nothing needs attention",
   "attention.count.one": "{count} needs attention: {what}",
   "attention.count.other": "{count} need attention: {what}",
+  "attention.as": "Acknowledge as",
   "attention.acknowledge": "Acknowledge",
   "attention.by": "acknowledged by {by}",
   "attention.notify": "Notify me here",

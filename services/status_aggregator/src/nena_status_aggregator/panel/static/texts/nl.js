@@ -13,6 +13,7 @@ export const TEXTS = {
   "attention.none": "Geen ingreep nodig",
   "attention.count.one": "{count} ingreep nodig: {what}",
   "attention.count.other": "{count} ingrepen nodig: {what}",
+  "attention.as": "Bevestigen als",
   "attention.acknowledge": "Bevestigen",
   "attention.by": "bevestigd door {by}",
   "attention.notify": "Hier melden",
