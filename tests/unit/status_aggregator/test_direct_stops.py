@@ -97,7 +97,7 @@ def test_each_robot_is_asked_until_it_reports_the_pause() -> None:
         1,
         ["A", "B"],
     )
-    assert (site.retained()["user"], site.retained()["paused"]) == (
+    assert (site.retained()["user"], sorted(site.retained()["paused"])) == (
         "anna@example",
         [["ACME", "A"], ["ACME", "B"]],
     )
@@ -155,7 +155,7 @@ def test_stops_of_another_aggregator_pause_our_robots_and_end_here_as_well() -> 
     topic = TOPICS.direct_stop(name)
     ours.link.handler(Inbound(topic, other.link.published[-2].payload, retained=True))
     assert ours.later() == [("A", "startPause")]
-    assert ours.retained()["paused"] == [["ACME", "A"], ["ACME", "B"]] or len(ours.retained()["paused"]) == 2
+    assert sorted(ours.retained()["paused"]) == [["ACME", "A"], ["ACME", "B"]]
     ours.report(A, paused=True)
 
     stop = other.stops.find(name)
