@@ -104,7 +104,7 @@ def _told_of_a_loss(mqtt: MqttSettings) -> str:
     # measured (docs/brokers.md); a broker of MQTT 3.1.1 does not say which one it is
     on_most, on_rabbitmq, on_activemq = (f"{factor * mqtt.keep_alive:g}" for factor in (1.5, 3, 2.5))
     return (
-        f"with mqtt.keep_alive {mqtt.keep_alive}, the loss of the robot is told after {on_most} s, "
+        f"with mqtt.keep_alive {mqtt.keep_alive}, a lost robot is reported after {on_most} s, "
         f"by RabbitMQ after up to {on_rabbitmq} s, by ActiveMQ after up to {on_activemq} s"
     )
 

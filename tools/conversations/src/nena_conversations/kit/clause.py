@@ -63,3 +63,8 @@ class Verdict:
     messages: tuple[str, ...] = ()
     """The messages that show it, as ``topic payload``, the last ones."""
     seconds: float = 0.0
+
+    @property
+    def violated(self) -> bool:
+        """Return whether the robot violates what it must keep."""
+        return self.outcome is Outcome.FAILED and self.strength is Strength.MUST

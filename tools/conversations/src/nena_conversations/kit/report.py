@@ -13,14 +13,14 @@ from pydantic_core import to_json
 from rich.table import Table
 from rich.text import Text
 
-from nena_conversations.kit.clause import Outcome, Strength, Verdict
+from nena_conversations.kit.clause import Outcome, Verdict
 
 COLOURS: Final = {Outcome.PASSED: "green", Outcome.FAILED: "red", Outcome.NOT_APPLICABLE: "dim"}
 
 
 def violations(verdicts: Sequence[Verdict]) -> list[Verdict]:
     """Return the clauses that the robot must keep and violates."""
-    return [each for each in verdicts if each.outcome is Outcome.FAILED and each.strength is Strength.MUST]
+    return [each for each in verdicts if each.violated]
 
 
 def summary(verdicts: Sequence[Verdict]) -> str:
@@ -52,7 +52,7 @@ def as_junit(verdicts: Sequence[Verdict], about: dict[str, str]) -> bytes:
         case = SubElement(
             suite, "testcase", {"name": each.id, "classname": each.section, "time": f"{each.seconds:.3f}"}
         )
-        if each in violations([each]):
+        if each.violated:
             SubElement(case, "failure", {"message": each.reason}).text = "\n".join(each.messages)
         elif each.outcome is not Outcome.PASSED:
             SubElement(case, "skipped", {"message": each.reason})

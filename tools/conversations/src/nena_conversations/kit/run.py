@@ -116,7 +116,7 @@ async def _try_clause(clause: Clause, section: str, session: RobotSession) -> Ve
         await session.clear()
     except ClauseFailedError as error:
         outcome, reason = Outcome.FAILED, reason or f"after the clause: {error}"
-    shown = list(session.recording)[first:][-KEPT:] if outcome is Outcome.FAILED else ()
+    shown = session.recording[first:][-KEPT:] if outcome is Outcome.FAILED else ()
     return Verdict(
         clause.id, clause.title, section, clause.strength, outcome, reason, _texts(shown), monotonic() - began
     )
@@ -128,7 +128,7 @@ def _texts(entries: Iterable[Entry]) -> tuple[str, ...]:
 
 def _seen_by_checker(session: RobotSession, version: str) -> Iterator[Verdict]:
     """Yield a verdict for each rule that the checker of conversations has watched."""
-    entries = list(session.recording)
+    entries = session.recording
     pairs = [(rule, topic) for topic in ROBOT_TOPICS for rule in OF_EACH_TOPIC]
     for rule, topic in [*pairs, *((rule, None) for rule in OF_THE_CONVERSATION)]:
         section = rule.section(version, topic or Topic.STATE)

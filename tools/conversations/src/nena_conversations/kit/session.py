@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -75,7 +75,7 @@ class RobotSession:
         """Time for a drive between two places of the plan, seconds."""
         self.heard = Heard()
         self.findings: list[Finding] = []
-        self.recording: deque[Entry] = deque(maxlen=RECORDED)
+        self.recording: list[Entry] = []
         self._link, self._topics = link, topics
         self._checker = Checker()
         self._headers: Counter[Topic] = Counter()
@@ -87,7 +87,8 @@ class RobotSession:
 
     def _receive(self, inbound: Inbound) -> None:
         entry = Entry(datetime.now(UTC), inbound.topic, inbound.payload, inbound.qos, inbound.retained)
-        self.recording.append(entry)
+        if len(self.recording) < RECORDED:  # the first ones: findings name messages by their number
+            self.recording.append(entry)
         self.findings += self._checker.add(entry)
         self._number += 1
         received = parse(entry, self._number)
