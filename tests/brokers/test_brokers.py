@@ -25,7 +25,7 @@ from nena_plant_formats.files import read
 from nena_shared.mqtt.broker_check import LACKS, BrokerLack
 from support.aggregator_process import AggregatorProcess
 from support.broker import BrokerAddress
-from support.brokers import ActiveMq, Aedes, Ejabberd, Mosquitto, Nats, RabbitMq, RealBroker
+from support.brokers import BROKERS, RealBroker
 from support.mqtt_line import Way, mqtt_line
 from support.order_service_fleet import Fleet, RobotOptions, order_in, vehicle_idle
 from support.pausing import time_passes
@@ -35,14 +35,6 @@ from support.waiting import awaited
 pytestmark = [pytest.mark.broker, pytest.mark.long]
 
 ADDRESS = os.environ.get("NENA_BROKER")
-BROKERS: dict[str, type[RealBroker]] = {
-    "Mosquitto": Mosquitto,
-    "RabbitMQ": RabbitMq,
-    "NATS": Nats,
-    "ejabberd": Ejabberd,
-    "ActiveMQ": ActiveMq,
-    "Aedes": Aedes,
-}
 ROBOTS = {
     "Robot-01": RobotOptions(x=9.0, y=7.0, speed=3.0, version="2.1.0"),
     "Robot-02": RobotOptions(x=1.0, y=7.0, speed=3.0, version="2.0.0"),

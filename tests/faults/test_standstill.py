@@ -24,7 +24,7 @@ from nena_demo.plants import sample_plant_path
 from nena_plant_formats.files import read
 from nena_shared.settings import MqttSettings
 from support.aggregator_process import AggregatorProcess
-from support.brokers import ActiveMq, Aedes, Ejabberd, Mosquitto, Nats, RabbitMq, RealBroker
+from support.brokers import BROKERS, RealBroker
 from support.mqtt_line import MqttLine, Way, mqtt_line
 from support.order_service_fleet import Fleet, RobotOptions, order_in
 from support.pausing import time_passes
@@ -33,14 +33,6 @@ from support.waiting import awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(900)]
 
-BROKERS: dict[str, type[RealBroker]] = {
-    "Mosquitto": Mosquitto,
-    "RabbitMQ": RabbitMq,
-    "NATS": Nats,
-    "ejabberd": Ejabberd,
-    "ActiveMQ": ActiveMq,
-    "Aedes": Aedes,
-}
 ENDS = ("Packing stand", "Parking bay")
 """The ends of a way of 22 m with seven points."""
 CUT, SILENCE = 7.0, 10.0

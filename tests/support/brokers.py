@@ -413,3 +413,14 @@ createServer(aedes.handle).listen({self.port}, "127.0.0.1");
 
     def _command(self) -> tuple[str, ...]:
         return "node", "server.mjs"
+
+
+BROKERS: dict[str, type[RealBroker]] = {
+    "Mosquitto": Mosquitto,
+    "RabbitMQ": RabbitMq,
+    "NATS": Nats,
+    "ejabberd": Ejabberd,
+    "ActiveMQ": ActiveMq,
+    "Aedes": Aedes,
+}
+"""Each broker by its name."""
