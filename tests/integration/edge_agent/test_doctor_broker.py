@@ -54,7 +54,7 @@ async def test_broker_accepts_the_robot(broker: Broker, interface_name: str) -> 
     assert verdicts(view) == {Link.BROKER: OK, Link.LOGIN: OK, Link.ACCESS: OK}
     texts = {each.link: each.text for each in view.findings}
     assert texts[Link.ACCESS].endswith(f"a message on {interface_name}/v2/ACME/0001/doctor came back")
-    assert "told after 22.5 s, by RabbitMQ after up to 45 s" in texts[Link.LOGIN]
+    assert "a lost robot is reported after 22.5 s, by RabbitMQ after up to 45 s" in texts[Link.LOGIN]
 
 
 async def test_names_that_the_broker_changes_are_not_called_fine(
