@@ -43,7 +43,7 @@ def spin_server(
     """Run the server until the block ends; ``status``: how its goals end, such as ABORTED; "": never.
 
     ``result``: it ``answers`` with the result, has ``dropped`` it (``action_server_result_timeout``), or
-    ``never`` sends one.
+    ``never`` sends one. ``silent``: it takes the goal, and its answer to that is lost as well.
     """
     command = [sys.executable, str(Path(__file__)), str(domain_id), status, result]
     variables = {**os.environ, **(environment or {})}
@@ -68,7 +68,9 @@ class _Server:
         self._asked: list[Any] = []
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._statuses = node.create_publisher(GoalStatusArray, "spin/_action/status", latched)
-        node.create_service(Spin.Impl.SendGoalService, "spin/_action/send_goal", self._take)
+        goals = node.create_service(Spin.Impl.SendGoalService, "spin/_action/send_goal", self._take)
+        if result == "silent":
+            goals.send_response = lambda *_: None
         node.create_service(CancelGoal, "spin/_action/cancel_goal", self._cancel)
         results = node.create_service(
             Spin.Impl.GetResultService, "spin/_action/get_result", lambda _, made: made
@@ -103,7 +105,9 @@ class _Server:
 
     def _answer(self) -> None:
         ended = self._goal.status >= self._goal.STATUS_SUCCEEDED
-        while self._asked and self._result != "never" and (ended or self._result == "dropped"):
+        while (
+            self._asked and self._result not in {"never", "silent"} and (ended or self._result == "dropped")
+        ):
             response = self._types.GetResultService.Response()
             if self._result == "answers":
                 response.status = self._goal.status

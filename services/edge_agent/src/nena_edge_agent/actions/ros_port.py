@@ -305,7 +305,9 @@ class _Action:
         self._statuses[key] = GoalStatus.UNKNOWN
         try:
             answer = await session.call(self._send, request, seconds=ANSWERS_WITHIN)
-            if answer is None or not answer.accepted:
+            # DDS drops an answer whose reader the server has not discovered yet; the array shows that goal.
+            begun = self._statuses[key] is not GoalStatus.UNKNOWN if answer is None else answer.accepted
+            if not begun:
                 text = "refuses the goal" if answer is not None else "does not answer"
                 if answer is None:  # it may accept the goal later, when this action has failed
                     await self._cancel_goal(session, request.goal_id)
