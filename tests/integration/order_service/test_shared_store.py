@@ -11,8 +11,7 @@ from sqlalchemy import Engine, text
 
 from nena_demo.plants import sample_plant_path
 from nena_order_service.app import serve
-from nena_order_service.plant_file import load_plant
-from nena_order_service.runner import PLANT_MODEL, StoredPlant
+from nena_order_service.plant_file import PLANT_MODEL, StoredPlant, load_plant
 from nena_order_service.store.database import Changes, Fence, commit_changes
 from nena_order_service.store.schema import open_database
 from nena_shared.tasks import TaskFailedError

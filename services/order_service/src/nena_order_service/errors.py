@@ -200,6 +200,40 @@ class PlantInUseError(RefusedError):
         self.problems = tuple(problems)
 
 
+class UnknownPlantDraftError(RefusedError):
+    """There is no such draft or version of the plant model."""
+
+    refusal = Refusal.UNKNOWN_PLANT_DRAFT
+
+    def __init__(self, name: str | int) -> None:
+        drafts = f"Unknown draft {name!r}. GET /v1/plantDrafts lists them."
+        versions = (
+            f"Unknown version {name} of the plant model. GET /v1/plantVersions lists those that are kept."
+        )
+        super().__init__(drafts if isinstance(name, str) else versions)
+
+
+class PlantDraftChangedError(RefusedError):
+    """Somebody has saved the draft since the host read it."""
+
+    refusal = Refusal.PLANT_DRAFT_CHANGED
+
+    def __init__(self, name: str, version: int, by: str, at: str) -> None:
+        super().__init__(
+            f"{by} saved version {version} of the draft {name!r} at {at}; nothing was changed. "
+            "Open that version, or save yours under another name."
+        )
+
+
+class TooManyPlantDraftsError(RefusedError):
+    """No more drafts can be stored."""
+
+    refusal = Refusal.TOO_MANY_PLANT_DRAFTS
+
+    def __init__(self, limit: int) -> None:
+        super().__init__(f"There are {limit} drafts already. Delete one of them first.")
+
+
 class UnknownZoneSetError(RefusedError):
     """There is no zone set with this ID."""
 

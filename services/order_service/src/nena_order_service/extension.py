@@ -74,8 +74,11 @@ class Core:
     mqtt: MqttLink
     topics: FleetTopics
     """NeNa's own topics."""
-    change_plant: Callable[[PlantModel | EditPlant], Awaitable[None]]
-    """Replaces the plant model, which rebuilds the order service."""
+    change_plant: Callable[..., Awaitable[None]]
+    """Replaces the plant model, or edits it by an ``EditPlant``, which rebuilds the order service.
+
+    With ``check_only=True`` it only raises what stands against it.
+    """
 
 
 class Extension:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
+from typing import Final
 
 from nena_order_service.errors import InvalidPlantError
 from nena_plant_formats.exchange import ImportReport
 from nena_plant_formats.files import read
+from nena_shared.frozen_model import FrozenModel
 from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel, PlantModelError
 from nena_shared.plant.fleet_checks import find_fleet_errors
@@ -24,6 +26,18 @@ class PlantFile:
     model: PlantModel
     digest: str
     """SHA-256 of the file's content."""
+
+
+PLANT_MODEL: Final = "plantModel"
+"""The kind of the plant model's document in the store."""
+
+
+class StoredPlant(FrozenModel):
+    """A plant model that a host has uploaded in place of the file's."""
+
+    file: str
+    """SHA-256 of the file that it replaces."""
+    model: str
 
 
 def load_plant(path: Path) -> PlantFile:

@@ -9,14 +9,14 @@ from functools import partial
 from types import MappingProxyType
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import ValidationError
 from starlette.types import ASGIApp
 
 from nena_order_service.api.audit import current_recorder
 from nena_order_service.engine.plant_change import conflicts
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
 from nena_order_service.extension import EditPlant, Extension
-from nena_order_service.plant_file import PlantFile
+from nena_order_service.plant_file import PLANT_MODEL, PlantFile, StoredPlant
 from nena_order_service.service import CHANGING, OrderService
 from nena_order_service.store.database import Changes
 from nena_order_service.store.store import Store
@@ -28,22 +28,10 @@ from nena_shared.vda5050.topics import RobotKey
 
 log = get_logger(__name__)
 
-PLANT_MODEL = "plantModel"
-"""The kind of the plant model's document in the store."""
 CHANGE_TIMEOUT = 20.0
 """Timeout of a host's change, seconds; the change may still succeed afterwards."""
 RESTART_PAUSE = 10.0
 """Least time from one restart after an internal error to the next one, seconds."""
-
-
-class StoredPlant(BaseModel):
-    """A plant model that a host has uploaded in place of the file's."""
-
-    model_config = ConfigDict(frozen=True)
-
-    file: str
-    """SHA-256 of the file that it replaces."""
-    model: str
 
 
 @dataclass(slots=True)

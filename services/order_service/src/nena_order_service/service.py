@@ -259,10 +259,10 @@ def make_fleet(
     )
 
 
-def _no_change(plant: PlantModel) -> Callable[[PlantModel | EditPlant], Awaitable[None]]:
+def _no_change(plant: PlantModel) -> ChangePlant:
     """Return a function that refuses all changes of the plant model except those without effect."""
 
-    async def refuse(change: PlantModel | EditPlant) -> None:
+    async def refuse(change: PlantModel | EditPlant, *, check_only: bool = False) -> None:  # noqa: ARG001
         if isinstance(change, PlantModel) or change(plant) is not plant:
             raise StoreNotReadyError(CHANGING)
 

@@ -201,6 +201,21 @@ class Refusal(ProblemType):
         "Orders or vehicles use elements missing in the new plant model.",
         "Wait for the orders to end, withdraw them, or keep the elements that `errors` lists.",
     )
+    UNKNOWN_PLANT_DRAFT = (
+        HTTPStatus.NOT_FOUND,
+        "Unknown draft or version of the plant model.",
+        "Check the name; `/v1/plantDrafts` lists the drafts, `/v1/plantVersions` the versions.",
+    )
+    PLANT_DRAFT_CHANGED = (
+        HTTPStatus.CONFLICT,
+        "Somebody else has saved the draft.",
+        "Fetch the draft and make your changes in it, or save yours under another name.",
+    )
+    TOO_MANY_PLANT_DRAFTS = (
+        HTTPStatus.CONFLICT,
+        "There are too many drafts of the plant model.",
+        "Delete a draft that is no longer needed.",
+    )
     UNKNOWN_SCHEDULE = (
         HTTPStatus.NOT_FOUND,
         "Unknown schedule.",

@@ -125,7 +125,12 @@ async def test_a_path_is_locked(client: httpx.AsyncClient, far: Far) -> None:
 
 
 async def test_a_schedule_is_deleted_and_nothing_else(client: httpx.AsyncClient, far: Far) -> None:
-    for path, status in (("/schedules/night", 201), ("/transportOrders/TO-1", 404), ("/schedules", 404)):
+    for path, status in (
+        ("/schedules/night", 201),
+        ("/transportOrders/TO-1", 404),
+        ("/schedules", 404),
+        ("/plantVersions/1", 404),
+    ):
         body = {"reason": "at the panel"}
         assert (await client.request("DELETE", path, json=body)).status_code == status
     assert [(method, path) for method, path, _ in far.asked] == [("DELETE", "/v1/schedules/night")]
@@ -214,6 +219,13 @@ async def test_endless_body_is_refused(client: httpx.AsyncClient, far: Far) -> N
     answer = await client.post("/transportOrders", content=b" " * (BODY_LIMIT + 1), headers=headers)
     assert answer.status_code == 413
     assert far.asked == []
+
+
+async def test_a_draft_of_a_plant_may_be_long(client: httpx.AsyncClient, far: Far) -> None:
+    body = {"model": {"name": "x" * BODY_LIMIT}}
+    assert (await client.put("/plantDrafts/new%20aisle", json=body)).status_code == 201
+    assert (await client.put("/schedules/night", json=body)).status_code == 413
+    assert far.asked == [("PUT", "/v1/plantDrafts/new%20aisle", body)]
 
 
 async def test_without_an_order_service_commands_are_off() -> None:

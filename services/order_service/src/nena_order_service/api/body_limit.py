@@ -15,7 +15,7 @@ from nena_shared.web.problem import refusal
 class BodyLimit:
     """ASGI middleware: answers 413 to a body of more than ``limit`` bytes.
 
-    ``larger`` contains the paths that have their own limit.
+    ``larger`` contains the beginnings of paths that have their own limit.
     """
 
     def __init__(self, app: ASGIApp, limit: int, larger: Mapping[str, int] | None = None) -> None:
@@ -29,7 +29,8 @@ class BodyLimit:
             await self._app(scope, receive, send)
             return
         # 0101: FastAPI's own limit answers in plain text, not with a problem, if no route reads the body.
-        limit = self._larger.get(scope["path"], self._limit)
+        larger = (size for start, size in self._larger.items() if scope["path"].startswith(start))
+        limit = next(larger, self._limit)
         announced = Headers(scope=scope).get("content-length", "")
         if announced.isdecimal() and int(announced) > limit:
             error = _too_long(limit)

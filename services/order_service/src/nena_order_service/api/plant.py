@@ -33,7 +33,7 @@ from nena_shared.fleet_api.places import (
     PointStatus,
 )
 from nena_shared.fleet_api.plant import PathPage, PathsQuery, PathStatus, PlantModelChange
-from nena_shared.plant import Location, Point
+from nena_shared.plant import Location, PlantModel, Point
 from nena_shared.plant.model import NO_OPERATION
 
 ChangePlant = Callable[..., Awaitable[None]]
@@ -280,20 +280,25 @@ def plant_model_router(plant_json: bytes, change: ChangePlant | None, trail: Tra
     return router
 
 
-async def _replace_plant(change: ChangePlant, body: bytes, asked: OpenRequest | None) -> Response:
-    """Replace the plant model, or only check whether it can be replaced if nothing is ``asked``."""
-    report = await asyncio.to_thread(read_plant, body, strict=True)
-    model = report.model
-    result = PlantModelChange(
+def change_of(model: PlantModel, warnings: Iterable[object], *, changed: bool) -> PlantModelChange:
+    """Return the answer to a change of the plant model; not ``changed``: it was only checked."""
+    return PlantModelChange(
         name=model.name,
-        changed=asked is not None,
+        changed=changed,
         points=len(model.points),
         paths=len(model.paths),
         locations=len(model.locations),
         blocks=len(model.blocks),
         vehicles=len(model.vehicles),
-        warnings=tuple(map(str, report.warnings)),
+        warnings=tuple(map(str, warnings)),
     )
+
+
+async def _replace_plant(change: ChangePlant, body: bytes, asked: OpenRequest | None) -> Response:
+    """Replace the plant model, or only check whether it can be replaced if nothing is ``asked``."""
+    report = await asyncio.to_thread(read_plant, body, strict=True)
+    model = report.model
+    result = change_of(model, report.warnings, changed=asked is not None)
     if asked:
         asked.name = model.name
         asked.after = to_masked_json({"name": model.name, "points": result.points, "paths": result.paths})

@@ -111,7 +111,7 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
         redoc_url=None,
     )
     larger = {
-        f"{prefix}{operation.path}": operation.max_body
+        f"{prefix}{operation.prefix}": operation.max_body
         for operation in GUARDED
         if operation.max_body is not None
         for prefix in ("", *service.mounted)

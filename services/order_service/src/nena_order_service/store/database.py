@@ -221,6 +221,14 @@ def read_documents(engine: sa.Engine, kind: str) -> dict[str, str]:
         return {row.name: row.document for row in rows}
 
 
+def read_document(engine: sa.Engine, kind: str, name: str) -> str | None:
+    """Read the document of a kind and name."""
+    table = schema.documents
+    query = sa.select(table.c.document).where(table.c.kind == kind, equals_text(table.c.name, name))
+    with engine.connect() as connection:
+        return connection.execute(query).scalar()
+
+
 @dataclass(frozen=True, slots=True)
 class SequenceFilter:
     """Which sequences to return, newest first; ``before`` is the number of the last one received."""

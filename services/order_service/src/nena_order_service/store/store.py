@@ -237,6 +237,10 @@ class Store:
         """Read the documents of a kind, by name."""
         return await self._read_from_store(lambda: read_documents(self._engine, kind))
 
+    async def document(self, kind: str, name: str) -> str | None:
+        """Read the document of a kind and name."""
+        return await self._read_from_store(lambda: database.read_document(self._engine, kind, name))
+
     async def read_audit_page(self, wanted: AuditQuery) -> AuditPage:
         """Read a page of the audit trail."""
         return await self._read_from_store(lambda: audit.read_page(self._engine, wanted), self._audit_reader)

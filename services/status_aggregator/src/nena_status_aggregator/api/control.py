@@ -18,6 +18,7 @@ from fastapi import APIRouter, Path, Request, Response, params
 from typing_extensions import TypedDict
 
 from nena_shared.log import get_logger
+from nena_shared.plant_terms import MAX_BYTES
 from nena_shared.web.access import token_of
 from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import ProblemError
@@ -80,17 +81,20 @@ class OrderServiceClient:
 
 PREFIX = "/api/v1/control"
 RESOURCES = re.compile(
-    r"(transportOrders|vehicles|paths|stops|schedules)(/[^/]+(/[A-Za-z]+)?)?|traffic/plan|audit|zoneSets|recordings"
+    r"(transportOrders|vehicles|paths|stops|schedules|plantDrafts|plantVersions)(/[^/]+(/[A-Za-z]+)?)?"
+    r"|traffic/plan|audit|zoneSets|recordings"
 )
 """Paths of forwarded queries and commands: the resources that the panel uses."""
 ALTERATIONS = re.compile(r"transportOrders/[^/]+")
 """Paths of forwarded changes of single fields (PATCH): waiting orders."""
-CHANGES = re.compile(r"paths/[^/]+/lock|vehicles/[^/]+/integrationLevel|schedules/[^/]+(/enabled)?")
-"""Paths of forwarded changes (PUT): lock of a path, integration level, schedules."""
-REMOVALS = re.compile(r"schedules/[^/]+")
+CHANGES = re.compile(
+    r"paths/[^/]+/lock|vehicles/[^/]+/integrationLevel|schedules/[^/]+(/enabled)?|plantDrafts/[^/]+"
+)
+"""Paths of forwarded changes (PUT): lock of a path, integration level, schedules, drafts of plants."""
+REMOVALS = re.compile(r"(schedules|plantDrafts)/[^/]+")
 """Paths of forwarded removals (DELETE)."""
 BODY_LIMIT = 256 * 1024
-"""Maximum size of a command, bytes."""
+"""Maximum size of a command, bytes; drafts of plants may have ``MAX_BYTES``."""
 
 
 class Control(TypedDict):
@@ -183,10 +187,11 @@ async def read_body(request: Request) -> bytes:
     if request.headers.get("content-type", "").split(";")[0].strip().lower() != "application/json":
         detail = "Send commands as JSON, with Content-Type: application/json."
         raise ProblemError(Rejection.COMMAND_NOT_JSON, detail)
+    limit = MAX_BYTES if request.url.path.startswith(f"{PREFIX}/plantDrafts/") else BODY_LIMIT
     body = bytearray()
     async for chunk in request.stream():
         body += chunk
-        if len(body) > BODY_LIMIT:
-            detail = f"Command exceeds {BODY_LIMIT} bytes."
+        if len(body) > limit:
+            detail = f"Command exceeds {limit} bytes."
             raise ProblemError(Rejection.COMMAND_TOO_LONG, detail)
     return bytes(body)

@@ -25,6 +25,8 @@ ZONE_SETS: Final = "/v1/zoneSets"
 PERIPHERALS: Final = "/v1/peripherals"
 PERIPHERAL_JOBS: Final = "/v1/peripheralJobs"
 PLANT_MODEL: Final = "/v1/plantModel"
+PLANT_DRAFTS: Final = "/v1/plantDrafts"
+PLANT_VERSIONS: Final = "/v1/plantVersions"
 SUMMARY: Final = "/v1/summary"
 TRAFFIC_PLAN: Final = "/v1/traffic/plan"
 WEBHOOKS: Final = "/v1/webhooks"
@@ -45,6 +47,8 @@ TAGS: Final = {
     PERIPHERALS: "peripherals",
     PERIPHERAL_JOBS: "peripherals",
     PLANT_MODEL: "plant model",
+    PLANT_DRAFTS: "plant drafts",
+    PLANT_VERSIONS: "plant drafts",
     SUMMARY: "summary",
     TRAFFIC_PLAN: "traffic",
     WEBHOOKS: "web hooks",

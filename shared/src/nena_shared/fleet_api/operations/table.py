@@ -11,6 +11,7 @@ from nena_shared.fleet_api.operations import (
     orders,
     peripherals,
     plant,
+    plant_drafts,
     schedules,
     sequences,
     vehicles,
@@ -20,13 +21,14 @@ from nena_shared.fleet_api.operations.operation import *  # noqa: F403
 from nena_shared.fleet_api.operations.orders import *  # noqa: F403
 from nena_shared.fleet_api.operations.peripherals import *  # noqa: F403
 from nena_shared.fleet_api.operations.plant import *  # noqa: F403
+from nena_shared.fleet_api.operations.plant_drafts import *  # noqa: F403
 from nena_shared.fleet_api.operations.schedules import *  # noqa: F403
 from nena_shared.fleet_api.operations.sequences import *  # noqa: F403
 from nena_shared.fleet_api.operations.vehicles import *  # noqa: F403
 
 OPERATIONS: Final[tuple[operation.Operation[Any], ...]] = tuple(
     entry
-    for noun in (orders, sequences, schedules, vehicles, plant, fleet, peripherals)
+    for noun in (orders, sequences, schedules, vehicles, plant, plant_drafts, fleet, peripherals)
     for entry in vars(noun).values()
     if isinstance(entry, operation.Operation) and entry is not plant.CHANGE_PLANT
 )

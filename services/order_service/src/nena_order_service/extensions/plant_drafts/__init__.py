@@ -1,0 +1,53 @@
+"""Drafts of the plant model, as the panel's page *Plant* draws them, and the versions that were active."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from nena_order_service.api.audit import OpenRequest
+from nena_order_service.api.operations import Handler
+from nena_order_service.extension import Core, Extension
+from nena_order_service.extensions.plant_drafts.drafts import Drafts
+from nena_order_service.extensions.plant_drafts.versions import PlantVersions
+from nena_order_service.store.database import Changes
+from nena_shared.fleet_api.operations import plant_drafts as table
+
+EXAMPLE = {
+    "version": 3,
+    "model": {
+        "name": "hall",
+        "points": [{"name": "P1", "xMm": 0, "yMm": 0}, {"name": "P2", "xMm": 4000, "yMm": 0}],
+        "paths": [{"name": "P1 --- P2", "source": "P1", "destination": "P2", "lengthMm": 4000}],
+    },
+}
+
+
+class PlantDrafts(Extension):
+    """Serves ``/v1/plantDrafts`` and ``/v1/plantVersions``."""
+
+    def __init__(self, settings: object, core: Core) -> None:
+        super().__init__(settings, core)
+        self.versions = PlantVersions(core)
+        self.drafts = Drafts(core, self.versions)
+
+    async def begin(self, previous: PlantDrafts | None) -> None:
+        """Restore the drafts and versions."""
+        await self.drafts.load()
+        await self.versions.load(at_start=previous is None)
+
+    def handlers(self) -> Iterator[Handler]:
+        """Yield what executes each operation."""
+        drafts, versions, state = self.drafts, self.versions, self.drafts.describe
+        yield Handler(table.LIST_PLANT_DRAFTS, drafts.all)
+        yield Handler(table.SAVE_PLANT_DRAFT, drafts.save, EXAMPLE, state=state)
+        yield Handler(table.SHOW_PLANT_DRAFT, drafts.show)
+        yield Handler(table.DELETE_PLANT_DRAFT, drafts.delete, state=state)
+        yield Handler(table.COMPARE_PLANT_DRAFT, drafts.compare)
+        yield Handler(table.EXPORT_PLANT_DRAFT, drafts.export)
+        yield Handler(table.ACTIVATE_PLANT_DRAFT, drafts.activate, {"version": 3}, state=state)
+        yield Handler(table.LIST_PLANT_VERSIONS, versions.all)
+        yield Handler(table.COMPARE_PLANT_VERSION, versions.compare)
+
+    def committing(self, request: OpenRequest, changes: Changes) -> None:
+        """Keep a plant model that a request activates."""
+        self.versions.committing(request, changes)

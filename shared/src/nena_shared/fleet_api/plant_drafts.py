@@ -1,0 +1,188 @@
+"""Drafts of plant models, and the versions that were active, in the API."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Any, Self
+
+from pydantic import Field, model_validator
+
+from nena_shared.fleet_api.base import Moment, Request, Resource
+
+DraftName = Annotated[str, Field(pattern=r"^[^/\x00-\x1f]{1,80}$")]
+"""Name of a draft; part of a URL."""
+VersionNumber = Annotated[int, Field(ge=1)]
+
+
+class PlantFinding(Resource):
+    """What ``nena plant check`` says about an object of a plant model."""
+
+    code: str
+    kind: str
+    """Kind of the object, such as ``point`` or ``location type``; ``model``: the plant as a whole."""
+    name: str
+    """Name of the object; empty: unnamed."""
+    text: str
+    is_error: bool
+    """Whether the plant model cannot be activated; otherwise it is a warning."""
+
+
+class PlantDraftRequest(Request):
+    """Request to save a draft: a model, a file, an earlier version, or else an empty plant."""
+
+    version: VersionNumber | None = None
+    """The version that it replaces; None: a new draft."""
+    # 0122: without it in the audit trail, which would keep megabytes of each save
+    model: Annotated[dict[str, Any] | None, Field(exclude=True)] = None
+    """The plant model in NeNa's JSON; it may have errors."""
+    file: Annotated[str | None, Field(exclude=True)] = None
+    """A file in any format that NeNa reads; it must have no errors."""
+    from_version: Annotated[int, Field(ge=0)] | None = None
+    """Number of a version of the plant; 0: the active plant."""
+
+    @model_validator(mode="after")
+    def _has_one_source(self) -> Self:
+        if sum(each is not None for each in (self.model, self.file, self.from_version)) > 1:
+            message = "give only one of model, file and fromVersion"
+            raise ValueError(message)
+        return self
+
+
+class PlantDraftStatus(Resource):
+    """A draft without its model."""
+
+    name: str
+    version: int
+    """Grows with each save."""
+    changed: Moment
+    by: str
+    """Who saved it last."""
+    points: int
+    paths: int
+    locations: int
+
+
+class PlantDraftList(Resource):
+    """All drafts, by name."""
+
+    drafts: tuple[PlantDraftStatus, ...]
+
+
+class PlantDraftQuery(Resource):
+    """Who looks at a draft, and what is known of it."""
+
+    session: Annotated[str, Field(max_length=64)] = ""
+    """Any text that tells one open editor from others; empty: none that others should know of."""
+    known: int = 0
+    """The version that the client has: its model is not sent again."""
+
+
+class PlantDraft(PlantDraftStatus):
+    """A draft with its model and findings."""
+
+    editors: tuple[str, ...] = ()
+    """Users of other sessions in which it was open in the last 20 s."""
+    model: dict[str, Any] | None = None
+    """In NeNa's JSON, without values that are the default; None: of a version that the client has."""
+    findings: tuple[PlantFinding, ...] = ()
+    """Errors first; empty if ``model`` is None."""
+
+
+class SavedPlantDraft(PlantDraftStatus):
+    """A draft that was saved, with what is wrong in it."""
+
+    findings: tuple[PlantFinding, ...]
+
+
+class PlantActivation(Request):
+    """Request to make a draft the active plant."""
+
+    version: VersionNumber
+    """The version of the draft that the person has seen."""
+    check_only: bool = False
+    """Only say what stands against it."""
+
+
+class PlantFileFormat(StrEnum):
+    """Formats of files."""
+
+    NENA = "nena"
+    OPENTCS = "opentcs"
+    LIF = "lif"
+    LIF_2_0 = "lif2"
+    NAV2_ROUTE = "nav2-route"
+
+
+class PlantFileQuery(Resource):
+    """Which file of a draft to write."""
+
+    format: PlantFileFormat = PlantFileFormat.NENA
+    map_id: str | None = None
+    """LIF: the map of points without one; route graph: the map, if there are several."""
+
+
+class PlantFileContent(Resource):
+    """A draft as a file."""
+
+    file_name: str
+    content: str
+    losses: tuple[str, ...]
+    """What the format cannot represent."""
+
+
+class DifferenceKind(StrEnum):
+    """What happened to an object from one plant model to another."""
+
+    ADDED = "ADDED"
+    REMOVED = "REMOVED"
+    MOVED = "MOVED"
+    CHANGED = "CHANGED"
+
+
+class PlantDifference(Resource):
+    """An object in which two plant models differ."""
+
+    change: DifferenceKind
+    kind: str
+    name: str
+    distance: float | None = None
+    """How far it was moved, m."""
+    fields: tuple[str, ...] = ()
+    """Names of other changed fields."""
+
+
+class PlantDifferencesQuery(Resource):
+    """With which version of the plant to compare."""
+
+    with_version: Annotated[int, Field(ge=0)] = 0
+    """0: the active plant; for a version: the one before it."""
+
+
+class PlantDifferences(Resource):
+    """What differs between two plant models: points, paths, locations and their types, blocks, vehicles."""
+
+    differences: tuple[PlantDifference, ...]
+    more: int = 0
+    """Number of further differences."""
+
+
+class PlantVersion(Resource):
+    """A plant model that was active."""
+
+    number: int
+    activated: Moment
+    by: str
+    """Who activated it; empty: it was the plant model file at a start of the order service."""
+    draft: str = ""
+    """The draft that it was made from; empty: none."""
+    name: str
+    """Name of the plant."""
+    points: int
+    paths: int
+    locations: int
+
+
+class PlantVersionList(Resource):
+    """The last versions, newest first: the first is the active plant."""
+
+    versions: tuple[PlantVersion, ...]
