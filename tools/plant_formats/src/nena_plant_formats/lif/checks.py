@@ -141,8 +141,6 @@ def _repair_values(each: dict[str, Any], fields: _Fields) -> Iterator[tuple[str,
             each[key] = _IF_MISSING[key]()
         elif key not in each or not (value is None or isinstance(value, str)):
             continue
-        elif value is None and field.is_required() and getattr(parts[0], "__origin__", None) is tuple:
-            each[key] = []
         elif not field.is_required() and (value is None or (value == "" and str not in parts)):
             del each[key]
             if value is None and field.default is None:
