@@ -132,6 +132,31 @@ async def test_no_order_is_sent_before_every_vehicle_of_the_plant_has_answered()
     assert released <= {"A"}
 
 
+async def test_after_a_restart_the_others_drive_around_a_vehicle_that_is_not_heard_again() -> None:
+    plant = PlantModel(
+        name="two ways",
+        points=(point("A"), point("B", 1000), point("C", 2000), point("D", 0, 1000), point("E", 9000)),
+        paths=(path("A B"), path("B C"), path("A D")),
+        vehicles=(Vehicle(name="V1"), Vehicle(name="V2"), Vehicle(name="Planned")),
+    )
+    store, before = MemoryStore(), ScriptedFleet({}, unheard={"Planned"})
+    first = await make_engine(plant, store, before)
+    before.appear("V1", "A")
+    before.appear("V2", "B")
+    first.close("restart")
+
+    fleet = ScriptedFleet({"V1": "A"}, unheard={"V2", "Planned"})
+    engine = await make_engine(plant, store, fleet)
+    fleet.appear("V1", "A")
+    engine.create(request("D", intendedVehicle="V1"), "past V2")
+    assert sent(fleet) == [("V1", "past V2-0")], "neither V2 nor Planned stops it"
+
+    fleet.finish("V1")
+    engine.create(request("C", intendedVehicle="V1"), "over V2")
+    released = {node.node_id for _, order in fleet.sent for node in order.nodes if node.released}
+    assert "B" not in released, "V2 may still stand there"
+
+
 @pytest.mark.parametrize("level", [IntegrationLevel.TO_BE_IGNORED, IntegrationLevel.TO_BE_NOTICED])
 async def test_a_vehicle_that_others_do_not_avoid_is_not_waited_for(level: IntegrationLevel) -> None:
     store = MemoryStore()

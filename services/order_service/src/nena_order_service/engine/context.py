@@ -70,9 +70,9 @@ class EngineSettings(SettingsGroup):
         30.0,
         ge=0,
         description=(
-            "Time after the start to wait for the first state of each vehicle that is not offline, seconds; "
-            "then the others drive, and missing robots keep their resources. VDA 5050 requires a state "
-            "every 30 s."
+            "Time after the start to wait for the first state of each vehicle that is not offline, and "
+            "whose place is not known from before, seconds; then the others drive, and missing robots keep "
+            "their resources. VDA 5050 requires a state every 30 s."
         ),
     )
     traffic: bool = Field(

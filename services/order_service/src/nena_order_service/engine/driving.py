@@ -60,8 +60,8 @@ class RestartGate:
     """Opens once, as soon as every robot has reported its state or is known to be away, or after a timeout.
 
     It also waits for vehicles of which nothing is known yet: some brokers do not report which robots are
-    connected (RabbitMQ), and a robot may only report every 30 s (section 6.6). Robots that are offline keep
-    the resources that they held.
+    connected (RabbitMQ), and a robot may only report every 30 s (section 6.6). One that was not heard again
+    and one that is offline keep the resources that they held: the others drive around them.
     """
 
     def __init__(self, context: Context, on_open: Callable[[], None]) -> None:
@@ -111,7 +111,11 @@ class RestartGate:
         # Those that have answered are not checked again; if one is back later, fleet control knows it.
         views = [(vehicle, self._context.view(vehicle)) for vehicle in self._awaited]
         self._awaited = [
-            vehicle for vehicle, view in views if view.state is None and view.link in MAY_STILL_SPEAK
+            vehicle
+            for vehicle, view in views
+            if view.state is None and view.link in MAY_STILL_SPEAK
+            # what it may occupy is known from before the restart, and stays its own
+            if view.link is not LinkStatus.UNKNOWN or vehicle.name not in self._context.traffic
         ]
         return [vehicle.name for vehicle in self._awaited]
 

@@ -38,10 +38,13 @@ class Recovery:
         Nothing waits for the first states of the ``absent``.
         """
         vehicles = tuple(self._registry.discover(record.robot) for record in self._vehicles)
+        # Before the restart, the others drove without regard to vehicles that had never been heard.
+        is_first = not any(record.held for record in self._vehicles)
         self._gate.wait_for(
             vehicle
             for vehicle in self._registry
-            if vehicle.key not in absent and self._vehicles.of(vehicle.key).integration_level.holds_resources
+            if vehicle.key not in absent and (is_first or vehicle.key in self._vehicles)
+            if self._vehicles.of(vehicle.key).integration_level.holds_resources
         )
         for vehicle in vehicles:
             record = self._vehicles.of(vehicle.key)
