@@ -3,8 +3,10 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from datetime import timedelta
+from math import pi
 
 import pytest
+from pydantic import JsonValue
 
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.factsheet import make_capabilities
@@ -18,7 +20,7 @@ from nena_edge_agent.messages import (
     RobotMessages,
     client_id_of,
 )
-from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
+from nena_edge_agent.protocol.declaration import PREDEFINED, ActionDeclaration, Parameter
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import Event, InstantActionsReceived, MessageRefused, OrderReceived
 from nena_edge_agent.settings import EdgeAgentSettings
@@ -155,10 +157,19 @@ class Receiver:
         *,
         actions: Mapping[str, ActionDeclaration] = NO_ACTIONS,
         strict: bool = False,
+        map_ids: frozenset[str] = frozenset(),
     ) -> None:
         self.events: list[Event] = []
         robot = RobotKey("ACME", serial)
-        self.inbox = Inbox(CODEC, robot, self.events.append, ManualClock(), actions=actions, strict=strict)
+        self.inbox = Inbox(
+            CODEC,
+            robot,
+            self.events.append,
+            ManualClock(),
+            actions=actions,
+            strict=strict,
+            map_ids=lambda: map_ids,
+        )
 
     def order(self, payload: bytes, *, retained: bool = False) -> None:
         self.inbox.take_order(Inbound("x/order", payload, retained))
@@ -323,6 +334,42 @@ def test_numbers_and_booleans_sent_as_text_are_accepted_if_the_action_declares_t
         values = {each.key: each.value for each in taken.action_parameters}
         assert values == (TEXTS if strict else VALUES)
     assert receiver.inbox.counts.repaired == (0 if strict else 2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "read"),
+    [
+        ({"theta": 90}, {"theta": pi / 2}),
+        ({"theta": -180.0}, {"theta": -pi}),
+        ({"theta": "90"}, {"theta": pi / 2}),
+        ({"theta": 4.0}, {"theta": 4.0 - 2 * pi}),
+        ({"mapId": ""}, {"mapId": "hall"}),
+        ({"mapId": None}, {"mapId": "hall"}),
+        ({"lastNodeId": None}, {"lastNodeId": ""}),
+        ({"x": "1.5"}, {"x": 1.5}),
+        ({"lastNodeId": ""}, {}),
+        ({"theta": 3.0}, {}),
+        ({"theta": 400}, {}),
+        ({"theta": None}, {}),
+    ],
+)
+@pytest.mark.clause("6.2.3/initializePosition")
+def test_an_initial_position_is_read_if_its_meaning_is_certain(
+    changes: dict[str, JsonValue], read: dict[str, JsonValue]
+) -> None:
+    right: dict[str, JsonValue] = {"x": 1.0, "y": 2, "theta": 0.5, "mapId": "hall", "lastNodeId": "n1"}
+    sent = right | changes
+    receiver = Receiver(actions=PREDEFINED, map_ids=frozenset({"hall"}))
+    given = tuple(ActionParameter(key=key, value=each) for key, each in sent.items() if each is not None)
+    place = action("i", "NONE", "initializePosition").model_copy(update={"action_parameters": given})
+    payload = CODEC.encode(InstantActions(**HEADER, actions=(place,)))
+    receiver.inbox.take_instant_actions(Inbound("x", payload, retained=False))
+
+    (event,) = receiver.events
+    assert isinstance(event, InstantActionsReceived)
+    found = {each.key: each.value for each in event.message.actions[0].action_parameters}
+    assert found == pytest.approx({key: each for key, each in (sent | read).items() if each is not None})
+    assert receiver.inbox.counts.repaired == bool(read)
 
 
 @pytest.mark.parametrize(

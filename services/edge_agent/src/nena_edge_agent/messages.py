@@ -11,7 +11,7 @@ from typing import Any, Final, TypeVar
 from nena_edge_agent.driver.port import DriveLimits
 from nena_edge_agent.factsheet import make_factsheet
 from nena_edge_agent.protocol.capabilities import Capabilities
-from nena_edge_agent.protocol.declaration import ActionDeclaration
+from nena_edge_agent.protocol.declaration import INITIALIZE_POSITION, ActionDeclaration
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import (
     Event,
@@ -27,7 +27,7 @@ from nena_shared.log import get_logger
 from nena_shared.mqtt import Handler, Inbound, Outbound
 from nena_shared.mqtt.identity import private_client_id
 from nena_shared.settings import MqttSettings
-from nena_shared.vda5050.action import Action, InstantActions
+from nena_shared.vda5050.action import Action, ActionParameter, InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.command_reader import read_command
@@ -36,7 +36,7 @@ from nena_shared.vda5050.deviations import Deviations
 from nena_shared.vda5050.error import ErrorReference, ErrorType, error
 from nena_shared.vda5050.malformed import MalformedMessageError, quoted
 from nena_shared.vda5050.order import Order
-from nena_shared.vda5050.repair import Repair, RepairKind
+from nena_shared.vda5050.repair import FULL_TURN, Repair, RepairKind
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
@@ -305,8 +305,7 @@ class Inbox:
         # A strict robot refuses what violates the standard; others repair what has only one meaning.
         if self._strict:
             return self._codec.decode(kind, payload)
-        map_ids, now = self._map_ids(), self._clock.now()
-        only_map = next(iter(map_ids)) if len(map_ids) == 1 else ""
+        only_map, now = self._only_map(), self._clock.now()
         command, repairs = read_command(
             kind, self._codec, payload, now=now, robot=self._robot, only_map=only_map
         )
@@ -318,6 +317,10 @@ class Inbox:
             self._dated = not any(repair.kind is RepairKind.TIME_OF_ARRIVAL for repair in repairs)
             self._deviations.note(self._robot, topic.value, repairs)
         return command
+
+    def _only_map(self) -> str:
+        map_ids = self._map_ids()
+        return next(iter(map_ids)) if len(map_ids) == 1 else ""
 
     def _with_values(self, message: M) -> tuple[M, tuple[Repair, ...]]:
         """Return the message with action parameters converted to their types if they were sent as strings."""
@@ -347,13 +350,32 @@ class Inbox:
 
     def _read_action(self, action: Action, at: str, repairs: list[Repair]) -> Action:
         declared = self._actions.get(action.action_type)
+        if action.action_type == INITIALIZE_POSITION:
+            action = self._complete_position(action, at, repairs)
         changed = declared.read(action) if declared else action
         for old, new in zip(action.action_parameters, changed.action_parameters, strict=True):
             if new.value is not old.value:
-                boolean = isinstance(new.value, bool)
-                kind = RepairKind.TEXT_AS_BOOLEAN if boolean else RepairKind.TEXT_AS_NUMBER
+                if isinstance(old.value, str):
+                    boolean = isinstance(new.value, bool)
+                    kind = RepairKind.TEXT_AS_BOOLEAN if boolean else RepairKind.TEXT_AS_NUMBER
+                else:
+                    beyond = isinstance(old.value, int | float) and abs(old.value) > FULL_TURN
+                    kind = RepairKind.DEGREES if beyond else RepairKind.ANGLE_WRAPPED
                 repairs.append(Repair(at, kind, quoted(old.value)))
         return changed
+
+    def _complete_position(self, action: Action, at: str, repairs: list[Repair]) -> Action:
+        only_map = self._only_map()
+        for key, value in (("lastNodeId", ""), *([("mapId", only_map)] if only_map else [])):
+            sent = action.parameter(key)
+            if sent in (None, "") and sent != value:
+                others = [each for each in action.action_parameters if each.key != key]
+                others.append(ActionParameter(key=key, value=value))
+                action = action.model_copy(update={"action_parameters": tuple(others)})
+                repairs.append(
+                    Repair(at, RepairKind.REPLACED, f"{key} {quoted(sent) if sent else 'missing'}")
+                )
+        return action
 
     def _refuse_message(self, problem: str, topic: Topic, references: dict[str, str]) -> None:
         self._log.warning("message refused", topic=topic.value, problem=problem, **references)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from math import isfinite
+from math import isfinite, pi, radians, remainder
 from sys import float_info
 from types import MappingProxyType
 from typing import Final
@@ -24,7 +25,9 @@ from nena_shared.vda5050.action import (
     BlockingType,
     wake_up_time,
 )
+from nena_shared.vda5050.base import ANGLE_LIMIT
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
+from nena_shared.vda5050.repair import FULL_TURN, FULL_TURN_DEGREES
 from nena_shared.vda5050.rules import Rules
 
 ALL_BLOCKING_TYPES = tuple(BlockingType)
@@ -70,6 +73,7 @@ class Parameter:
     minimum: float | None = None
     maximum: float | None = None
     choices: tuple[JsonValue, ...] = ()
+    angle: bool = False
 
     def problem(self, value: JsonValue) -> str | None:
         """Return what is wrong with ``value``, None if it is valid (section 7.3.1).
@@ -91,16 +95,17 @@ class Parameter:
         return f"parameter '{self.key}' must be {self._describe_range}" if low or high else None
 
     def read(self, value: JsonValue) -> JsonValue:
-        """Convert a number or boolean that was sent as a string; return any other value unchanged.
+        """Convert a number or boolean that was sent as a string, and an angle to radians within half a turn.
 
-        Some fleet controls can only send strings.
+        Some fleet controls can only send strings, or send degrees.
         """
-        if not isinstance(value, str) or self.data_type not in _FROM_TEXT:
-            return value
-        try:
-            return _FROM_TEXT[self.data_type](value)
-        except (KeyError, ValueError):
-            return value
+        if isinstance(value, str) and self.data_type in _FROM_TEXT:
+            with suppress(KeyError, ValueError):
+                value = _FROM_TEXT[self.data_type](value)
+        # beyond a full turn in degrees, the unit is unknown
+        if self.angle and isinstance(value, int | float) and ANGLE_LIMIT < abs(value) <= FULL_TURN_DEGREES:
+            return remainder(radians(value) if abs(value) > FULL_TURN else value, 2 * pi)
+        return value
 
     @property
     def words(self) -> str:
@@ -256,7 +261,7 @@ TRIGGER_TYPE = "triggerType"
 _POSITION = (
     Parameter("x", ValueDataType.NUMBER, description="m"),
     Parameter("y", ValueDataType.NUMBER, description="m"),
-    Parameter("theta", ValueDataType.NUMBER, description="rad"),
+    Parameter("theta", ValueDataType.NUMBER, description="rad", angle=True),
     Parameter("mapId", ValueDataType.STRING),
     Parameter("lastNodeId", ValueDataType.STRING),
 )

@@ -285,8 +285,8 @@ def _position_problem(robot: RobotState, action: Action) -> str | None:
     node_id, map_id = _text_parameter(action, "lastNodeId"), _text_parameter(action, "mapId")
     if map_id not in robot.map_ids:
         return f"the robot has {map_list(robot.map_ids)}, not '{map_id}'"
-    if abs(_number_parameter(action, "theta")) > ANGLE_LIMIT:
-        return "theta must be within -π and π"
+    if abs(theta := _number_parameter(action, "theta")) > ANGLE_LIMIT:
+        return f"theta must be within -π and π, not {theta:g}"
     velocity = robot.reports.velocity
     # Nav2 does not become active without an initial position, so that a goal may wait for this very action.
     # If the robot was told to stop, its standstill must be confirmed.
