@@ -48,6 +48,8 @@ class Deviation:
     version: str = "2.1.0"
     raw: bytes = b""
     """Stands before the message."""
+    first: str = ""
+    """Stands in the message before its other members."""
     seen: str = ""
     """How often it is seen in public messages, see docs/compatibility.md."""
 
@@ -56,7 +58,7 @@ class Deviation:
         content = json.loads(payload)
         for path, value in self.fields.items():
             _put(content, path.split("."), value)
-        return self.raw + json.dumps(content).encode()
+        return self.raw + json.dumps(content).replace("{", "{" + self.first, 1).encode()
 
 
 def _put(place: Any, path: list[str], value: Any) -> None:
@@ -351,6 +353,12 @@ def _of_headers() -> Iterator[Deviation]:
         "state.manufacturer missing: replaced",
         seen=of_states(6),
     )
+    yield Deviation("serial number of another", {"serialNumber": "R"}, 'state.serialNumber "R": replaced')
+    yield Deviation(
+        "manufacturer in other letters",
+        {"manufacturer": str.upper},
+        'state.manufacturer "DEVIATING": letter case',
+    )
     yield Deviation("version 3.0.1", {"version": "3.0.1"}, version="3.0.0")
     yield Deviation("byte order mark", report="state.message EF BB BF: byte order mark", raw=b"\xef\xbb\xbf")
 
@@ -361,6 +369,9 @@ def _of_words() -> Iterator[Deviation]:
         {"operatingMode": "automatic"},
         'state.operatingMode "automatic": letter case',
     )
+    yield Deviation("lastNodeId in small letters", {"lastNodeId": str.lower}, 'state.lastNodeId "a')
+    yield Deviation("orderId in small letters", {"orderId": str.lower}, 'state.orderId "t')
+    yield Deviation("orderId twice", report="state.orderId twice: repeated key", first='"orderId": "?", ')
     yield Deviation(
         "unknown operatingMode",
         {"operatingMode": "FLYING"},

@@ -140,7 +140,15 @@ async def test_reason_names_the_robot_that_is_waited_for(fleet: Fleet) -> None:
         await reason_of(client, "travels")
 
 
-@pytest.mark.parametrize("topic", ["{0}x/v2/Honest/robot-2/connection", "{0}/2/Honest/ROBOT-2/connect"])
+@pytest.mark.parametrize(
+    "topic",
+    [
+        "{0}x/v2/Honest/robot-2/connection",
+        "{0}/2/Honest/ROBOT-2/connect",
+        "{0}/v2/Honest/ROBOT-2/connection",
+        "{0}/v2/HONEST/robot-2/connection",
+    ],
+)
 async def test_a_similar_topic_is_named_as_the_reason_of_a_robot_that_was_never_heard(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch, topic: str
 ) -> None:

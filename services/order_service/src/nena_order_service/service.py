@@ -256,6 +256,7 @@ def make_fleet(
         epoch=epoch,
         header_ids=header_ids,
         only_map=engine.plant.only_map(settings.engine.default_map_id),
+        nodes=engine.plant.points_by_name,
     )
 
 

@@ -206,7 +206,7 @@ class FleetSubscriber:
                 return
             self._repaired = False
             try:
-                message = self._reader.read(form, inbound.topic, inbound.payload, scheme.major_version)
+                message = self._reader.read(form, inbound.topic, inbound.payload, scheme.major_version, key)
             except MalformedMessageError as error:
                 self._count_malformed(
                     kind, inbound.topic, _summarise_problems(error.quoted_problems), at, key
@@ -234,7 +234,8 @@ class FleetSubscriber:
         return True
 
     def _on_repaired(self, topic: str, repairs: tuple[Repair, ...]) -> None:
-        self._deviations.note_message(topic, repairs)
+        robots = (scheme.robot_of(topic) for scheme in self._schemes)
+        self._deviations.note(next(filter(None, robots)), topic.rpartition("/")[2], repairs)
         self._repaired = True
 
     def _is_next(
@@ -292,7 +293,7 @@ class FleetSubscriber:
     def _read_plant_model(self, inbound: Inbound, _at: Timestamp) -> None:
         plant = PlantModel.from_json(inbound.payload) if inbound.payload else None
         self._model.on_plant_model(plant)
-        self._reader.only_map = plant.only_map() if plant else ""
+        self._reader.know_plant(plant.only_map() if plant else "", plant.points_by_name if plant else ())
         if plant:
             self._subscribe_robots(schemes_of(plant.vehicles))
             self._subscribe_by_name(plant.vehicles)

@@ -56,12 +56,6 @@ class Deviations:
             )
         return new
 
-    def note_message(self, topic: str, repairs: tuple[Repair, ...]) -> None:
-        """Count the repairs of one message; the robot is taken from its topic."""
-        # from the right, as the interface name may have several levels
-        *_, manufacturer, serial_number, name = topic.split("/")
-        self.note(RobotKey(manufacturer, serial_number), name, repairs)
-
     def of(self, robot: RobotKey) -> tuple[Repair, ...]:
         """Return a robot's repairs: each field and kind once, with the first received value."""
         return tuple(self._robots.get(robot, {}).values())

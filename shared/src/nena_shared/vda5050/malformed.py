@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Final
 
 from pydantic import ValidationError
@@ -57,6 +59,21 @@ class MalformedMessageError(Exception):
     def quoted_problems(self) -> tuple[str, ...]:
         """All problems, the first with the received value."""
         return (self.reason, *self.problems[1:])
+
+
+def repeated_key(payload: bytes) -> str:
+    """Return a key that stands in one object with different values, of which readers take the last; or ""."""
+    repeated: list[str] = []
+
+    def note(pairs: list[tuple[str, object]]) -> dict[str, object]:
+        content = dict(pairs)
+        if len(content) < len(pairs):
+            repeated.extend(key for key, value in pairs if content[key] != value)
+        return content
+
+    with suppress(ValueError, RecursionError):
+        json.loads(payload, object_pairs_hook=note)
+    return repeated[0] if repeated else ""
 
 
 def received_in(error: ValidationError, payload: bytes) -> str:

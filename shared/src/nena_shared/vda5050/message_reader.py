@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache, lru_cache
@@ -10,8 +11,16 @@ from typing import Any, TypeVar
 
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
-from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.records import RECORDED, encoded, parse, parse_members, read_record, record_of
+from nena_shared.vda5050.malformed import MalformedMessageError, quoted, repeated_key
+from nena_shared.vda5050.records import (
+    RECORDED,
+    changed,
+    encoded,
+    parse,
+    parse_members,
+    read_record,
+    record_of,
+)
 from nena_shared.vda5050.repair import (
     EVERYWHERE,
     POSITIONS,
@@ -29,6 +38,7 @@ from nena_shared.vda5050.repair import (
 )
 from nena_shared.vda5050.shape import fields_of
 from nena_shared.vda5050.state import State
+from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import (
     CODECS,
     codec_for,
@@ -79,12 +89,12 @@ class MessageReader:
     rejects it.
     """
 
-    def __init__(
-        self, report: Report = lambda _topic, _repairs: None, *, strict: bool = False, only_map: str = ""
-    ) -> None:
+    def __init__(self, report: Report = lambda _topic, _repairs: None, *, strict: bool = False) -> None:
         load_codecs()
-        self.only_map = only_map
+        self._only_map = ""
         """The map on which robots are that report none; empty: such a map is not known."""
+        self._nodes: frozenset[str] = frozenset()
+        self._node_by_letters: dict[str, str] = {}
         self._report = report
         self._strict = strict
         self._readers: dict[str, _KnownReader] = {}
@@ -96,13 +106,46 @@ class MessageReader:
         self.undated = False
         """Whether the last message had no readable timestamp; its time of arrival was used instead."""
 
-    def read(self, kind: type[M], topic: str, payload: bytes, major_version: str) -> M:
+    def know_plant(self, only_map: str, nodes: Iterable[str]) -> None:
+        """Note what the plant decides: the only map (empty: it has none or several), the names of nodes."""
+        self._only_map, self._nodes = only_map, frozenset(nodes)
+        counted = Counter(name.casefold() for name in self._nodes)
+        self._node_by_letters = {
+            letters: name for name in self._nodes if counted[letters := name.casefold()] == 1
+        }
+
+    def read(
+        self, kind: type[M], topic: str, payload: bytes, major_version: str, robot: RobotKey | None = None
+    ) -> M:
         """Read a message in the version of its header (section 7.2).
+
+        The header of another robot than that of the topic, ``robot``, is reported.
 
         Raises:
             MalformedMessageError: the message violates the standard and cannot be repaired.
         """
         self.undated = False
+        message = self._read(kind, topic, payload, major_version)
+        found: list[Repair] = []
+        # compared here, as a call for each message would cost as much as the rest of this
+        if robot is not None and (
+            message.serial_number != robot.serial_number or message.manufacturer != robot.manufacturer
+        ):
+            found += _other_names(message, robot)
+        reader = self._readers.get(topic)
+        # at the first message and each window: it takes longer than reading the message
+        if reader is not None and not reader.messages and (key := repeated_key(payload)):
+            found.append(Repair(key, RepairKind.REPEATED_KEY, "twice"))
+        if kind is State and (last := message.last_node_id) not in self._nodes and not self._strict:  # type: ignore[attr-defined] # it is a state
+            node = self._node_by_letters.get(last.casefold())
+            if node is not None:
+                found.append(Repair("lastNodeId", RepairKind.LETTER_CASE, quoted(last)))
+                message = changed(message, last_node_id=node)
+        if found:
+            self._report(topic, tuple(found))
+        return message
+
+    def _read(self, kind: type[M], topic: str, payload: bytes, major_version: str) -> M:
         reader = self._readers.get(topic)
         # a robot that deviates does so in every state: trying the strict reader first would read each twice
         deviations = reader.deviations if reader is not None else EVERYWHERE
@@ -139,7 +182,7 @@ class MessageReader:
         return message
 
     def _lacks_map(self, message: Header) -> bool:
-        position = getattr(message, "mobile_robot_position", None) if self.only_map else None
+        position = getattr(message, "mobile_robot_position", None) if self._only_map else None
         return position is not None and not position.map_id and not self._strict
 
     def _repaired(
@@ -221,7 +264,7 @@ class MessageReader:
 
     def _repair_position(self, topic: str, content: dict[str, Any], repairs: Repairs) -> None:
         known = self._is_in_degrees(topic)
-        if repair_position(content, repairs, in_degrees=known, only_map=self.only_map) and not known:
+        if repair_position(content, repairs, in_degrees=known, only_map=self._only_map) and not known:
             if len(self._in_degrees) >= TOPICS_REMEMBERED:
                 self._in_degrees.clear()  # learnt again with a heading beyond a full turn
             self._in_degrees.add(topic.rpartition("/")[0])
@@ -248,6 +291,17 @@ class MessageReader:
         if reader.version.split(".")[:2] != reader.codec.version.split(".")[:2]:
             received = f"{reader.version}, read as {reader.codec.version}"
             self._report(topic, (Repair("version", RepairKind.UNKNOWN_VERSION, received),))
+
+
+def _other_names(message: Header, robot: RobotKey) -> Iterator[Repair]:
+    """Yield what the header says of another robot than the topic, which decides."""
+    for field, said, meant in (
+        ("serialNumber", message.serial_number, robot.serial_number),
+        ("manufacturer", message.manufacturer, robot.manufacturer),
+    ):
+        if said and said != meant:
+            alike = said.casefold() == meant.casefold()
+            yield Repair(field, RepairKind.LETTER_CASE if alike else RepairKind.REPLACED, quoted(said))
 
 
 def _read_strictly(kind: type[M], codec: Codec, payload: bytes) -> M:

@@ -31,6 +31,7 @@ from nena_shared.vda5050.state import State
 from nena_shared.vda5050.visualization import Visualization
 
 R = TypeVar("R", bound=Header)
+W = TypeVar("W", bound=WireObject)
 
 _JSON: Final[Decoder[Any]] = Decoder()
 _MEMBERS: Final[Decoder[dict[str, Raw]]] = Decoder(dict[str, Raw])
@@ -98,11 +99,11 @@ def record_of(kind: type[R], codec: Codec, content: dict[str, Any]) -> R | None:
         return None
 
 
-def changed(message: R, **values: object) -> R:
+def changed(message: W, **values: object) -> W:
     """Return a copy of a message (record or model) with changed fields."""
     record: object = message
     if isinstance(record, Struct):
-        return cast("R", structs.replace(record, **values))
+        return cast("W", structs.replace(record, **values))
     return message.model_copy(update=values)
 
 

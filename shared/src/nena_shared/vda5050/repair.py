@@ -93,6 +93,8 @@ class RepairKind(StrEnum):
     """Used instead of an unreadable timestamp."""
     VERSION_NUMBER = "version_number"
     """Completed to major, minor and patch."""
+    REPEATED_KEY = "repeated_key"
+    """A key that stands twice in one object, with different values: the last one was read."""
     BYTE_ORDER_MARK = "byte_order_mark"
     UNKNOWN_VERSION = "unknown_version"
     """Read as the nearest supported version of the topic's major version."""
@@ -217,7 +219,7 @@ _TOLERANCE: Final = 50.0
 """Percentages farther beyond their limits are invalid, e.g. 255 for "unknown"."""
 FULL_TURN: Final = 2 * pi + 1e-3
 """The greatest heading that may be in radians."""
-_FULL_TURN_DEGREES: Final = 360.0
+FULL_TURN_DEGREES: Final = 360.0
 _TIME: Final[TypeAdapter[datetime]] = TypeAdapter(Timestamp)
 
 
@@ -694,7 +696,7 @@ def _convert_degrees(form: type[Header], content: dict[str, Any], repairs: Repai
     angles = list(_angles_in(form, content))
     beyond = [abs(value) > FULL_TURN and shape.least != 0 for _, _, _, value, shape in angles]
     # beyond a full turn in degrees, the unit is unknown
-    if not any(beyond) or any(abs(value) > _FULL_TURN_DEGREES for *_, value, _ in angles):
+    if not any(beyond) or any(abs(value) > FULL_TURN_DEGREES for *_, value, _ in angles):
         return
     for parent, name, path, value, shape in angles:
         repairs[path, RepairKind.DEGREES] = quoted(parent[name])

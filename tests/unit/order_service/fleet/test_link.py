@@ -15,6 +15,7 @@ from nena_order_service.fleet.link import (
     FleetLink,
     LastNodes,
     RobotAddresses,
+    in_letters_of,
 )
 from nena_order_service.fleet.outputs import VdaOrderFinished
 from nena_order_service.fleet.robot import LinkStatus
@@ -23,7 +24,7 @@ from nena_shared.mqtt import Handler, Inbound, MqttLink, Outbound
 from nena_shared.plant import Vehicle
 from nena_shared.plant.fleet_checks import KEY_LENGTH
 from nena_shared.settings import ConfigurationError, MqttSettings
-from nena_shared.vda5050.action import InstantActions
+from nena_shared.vda5050.action import ActionState, ActionStatus, InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.order import NodePosition, Order
@@ -33,7 +34,7 @@ from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import codec_for
 from support.clocks import ManualClock
 from support.fleet import make_action, make_vda_order
-from support.fleet_examples import factsheet
+from support.fleet_examples import factsheet, state
 from support.honest_robot import HonestRobot
 from support.waiting import until
 
@@ -160,6 +161,37 @@ async def test_a_robot_below_its_own_prefix_is_heard_and_commanded() -> None:
 
     assert link.view(ROBOT).link is LinkStatus.ONLINE
     assert {"site7/V1/state", "site7/V1/factsheet", "site7/V1/order"} <= set(mqtt.by_filter)
+
+
+def test_what_a_robot_below_its_own_prefix_deviates_in_is_told_of_it() -> None:
+    mqtt, known = Handlers(), addresses(topicPrefix="site7", version="2.1")
+    link = FleetLink(
+        mqtt, addresses=known, settings=FleetSettings(), clock=ManualClock(), on_events=lambda *_: None
+    )
+    payload = codec_for("2.1.0").encode(HELLO).replace(b'"ONLINE"', b'"online"')
+    mqtt.by_filter["site7/connection"](Inbound("site7/connection", payload, retained=False))
+
+    (told,) = link.deviations.of(ROBOT)
+    assert str(told) == 'connection.connectionState "online": letter case'
+
+
+def test_ids_of_an_order_are_read_in_any_letter_case() -> None:
+    order = make_vda_order("M-1", "A", "B", operation="pick")
+    actions = tuple(
+        ActionState(action_id=each, action_type="pick", action_status=ActionStatus.FINISHED)
+        for each in ("m-1/PICK", "other")
+    )
+    found, repairs = in_letters_of(order, state(order_id="m-1", action_states=actions))
+
+    assert (found.order_id, [each.action_id for each in found.action_states]) == (
+        "M-1",
+        ["M-1/pick", "other"],
+    )
+    assert [str(each) for each in repairs] == [
+        'orderId "m-1": letter case',
+        'actionStates.actionId "m-1/PICK": letter case',
+    ]
+    assert in_letters_of(order, found) == (found, [])
 
 
 def test_a_robot_that_the_store_cannot_hold_is_an_error_of_the_plant_model() -> None:
@@ -343,8 +375,8 @@ def test_a_robot_that_floods_is_read_at_its_rate_and_others_at_once() -> None:
     for robot in (flood, other):
         send(robot, Topic.CONNECTION, codec.encode(robot.connection(ConnectionState.ONLINE)))
     states = [flood.state() for _ in range(51)]
-    for state in states[:50]:
-        send(flood, Topic.STATE, codec.encode(state))
+    for each in states[:50]:
+        send(flood, Topic.STATE, codec.encode(each))
     send(other, Topic.STATE, codec.encode(other.state()))
     send(flood, Topic.CONNECTION, codec.encode(flood.connection(ConnectionState.OFFLINE)))
 

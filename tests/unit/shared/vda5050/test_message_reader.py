@@ -46,6 +46,38 @@ def test_malformed_message_is_explained_and_the_next_one_is_read() -> None:
     assert messages.read(State, TOPIC, good, "v2").header_id == 1
 
 
+@pytest.mark.parametrize(
+    ("before", "told"),
+    [
+        ('"driving":true,', True),
+        ('"driving":"?",', True),
+        ('"vendor":{"a":1,"a":2},', True),
+        ('"driving":false,', False),
+        ('"vendor":{"a":1},', False),
+    ],
+)
+def test_a_key_with_two_values_is_told_at_the_first_message_and_from_time_to_time(
+    before: str, *, told: bool
+) -> None:
+    found: list[str] = []
+    messages = MessageReader(lambda _, repairs: found.extend(map(str, repairs)))
+    payload = b"{" + before.encode() + CODEC_2_1.encode(state(driving=False))[1:]
+    for _ in range(DEVIATIONS_REMEMBERED + 1):
+        assert not messages.read(State, TOPIC, payload, "v2").driving
+    assert len([each for each in found if each.endswith("twice: repeated key")]) == (2 if told else 0)
+
+
+def test_names_of_nodes_in_another_letter_case_are_those_of_the_plant_if_there_is_one() -> None:
+    found: list[str] = []
+    messages = MessageReader(lambda _, repairs: found.extend(map(str, repairs)))
+    messages.know_plant("", ("Dock-1", "goal", "GOAL", "Goal-2"))
+    names = {"DOCK-1": "Dock-1", "goal": "goal", "Goal": "Goal", "goal-2": "Goal-2", "": "", "x": "x"}
+    for said, read in names.items():
+        payload = CODEC_2_1.encode(state(last_node_id=said))
+        assert messages.read(State, TOPIC, payload, "v2").last_node_id == read
+    assert found == ['lastNodeId "DOCK-1": letter case', 'lastNodeId "goal-2": letter case']
+
+
 def test_only_so_many_topics_are_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reader, "TOPICS_REMEMBERED", 3)
     messages = MessageReader()

@@ -45,10 +45,11 @@ from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.deviations import Deviations
 from nena_shared.vda5050.factsheet import Factsheet
-from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.malformed import MalformedMessageError, quoted
 from nena_shared.vda5050.message_reader import MessageReader
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.records import changed
+from nena_shared.vda5050.repair import Repair, RepairKind
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.robot_sources import Dated, RobotSources
 from nena_shared.vda5050.state import State
@@ -161,6 +162,26 @@ class LastNodes:
             self._current[robot] = state.order_id
         # Only an order that ends at its first node looks ended before it has begun.
         return first.node_id == last.node_id and self._current.get(robot) != state.order_id
+
+
+def in_letters_of(vda_order: VdaOrder, state: State) -> tuple[State, list[Repair]]:
+    """Return a state with the IDs of the robot's order in the letter case in which they were sent."""
+    changes: dict[str, object] = {}
+    repairs: list[Repair] = []
+    ours = vda_order.order_id
+    if state.order_id != ours and state.order_id.casefold() == ours.casefold():
+        repairs.append(Repair("orderId", RepairKind.LETTER_CASE, quoted(state.order_id)))
+        changes["order_id"] = ours
+    ids = vda_order.action_ids
+    others = [action.action_id for action in state.action_states if action.action_id not in ids]
+    by_letters = {each.casefold(): each for each in ids} if others else {}
+    if other := next((each for each in others if each.casefold() in by_letters), None):
+        repairs.append(Repair("actionStates.actionId", RepairKind.LETTER_CASE, quoted(other)))
+        changes["action_states"] = tuple(
+            changed(each, action_id=by_letters.get(each.action_id.casefold(), each.action_id))
+            for each in state.action_states
+        )
+    return (changed(state, **changes) if changes else state), repairs
 
 
 def _omit(part: Any, path: list[str]) -> None:  # noqa: ANN401 - a part of a JSON document
@@ -436,8 +457,9 @@ class FleetLink:
         epoch: int = 0,
         header_ids: HeaderIds | None = None,
         only_map: str = "",
+        nodes: Iterable[str] = (),
     ) -> None:
-        """``only_map``: the plant's map; empty if it does not have exactly one."""
+        """``only_map``: the plant's map, empty if it does not have exactly one; ``nodes``: its points."""
         self._mqtt = mqtt
         self._addresses = addresses
         self._settings = settings
@@ -458,7 +480,8 @@ class FleetLink:
         self._controller = FleetController(
             settings, expected=addresses.expected, utc_now=clock.now, deviations=self.deviations.of
         )
-        self._reader = MessageReader(self.deviations.note_message, strict=settings.strict, only_map=only_map)
+        self._reader = MessageReader(self._note_repairs, strict=settings.strict)
+        self._reader.know_plant(only_map, nodes)
         self._rate = MessageRate(settings.messages_per_second, settings.messages_burst)
         self._subscribe_to(Topic.CONNECTION, Connection, self._controller.on_connection, qos=1)
         for robot in addresses.expected:
@@ -622,20 +645,29 @@ class FleetLink:
             self.statistics.too_many += 1
             return None
         try:
-            message = self._reader.read(kind, inbound.topic, inbound.payload, scheme.major_version)
+            message = self._reader.read(kind, inbound.topic, inbound.payload, scheme.major_version, robot)
         except MalformedMessageError as error:
             self._note_malformed(robot, scheme, inbound, error)
             return None
         codec = nearest_codec(message.version)
         assert codec, "the reader took one of its major version"  # noqa: S101 - for the type
         dialect = self._addresses.dialect_of(robot)
+        vda_order = self._controller.vda_order(robot)
+        if kind is State and vda_order and not self._settings.strict:
+            message, repairs = in_letters_of(vda_order, message)
+            if repairs:
+                self.deviations.note(robot, Topic.STATE, tuple(repairs))
         if kind is State and dialect.keeps_last_node_states:
-            outdated = self._last_nodes.may_be_outdated(robot, message, self._controller.vda_order(robot))
+            outdated = self._last_nodes.may_be_outdated(robot, message, vda_order)
             message = dialect.to_standard(message, outdated=outdated)
         is_current = self._addresses.learn_source(robot, codec, scheme, message, retained=inbound.retained)
         return (
             (robot, message) if is_current and self._is_new(kind, robot, message.header_id, inbound) else None
         )
+
+    def _note_repairs(self, topic: str, repairs: tuple[Repair, ...]) -> None:
+        robots = (scheme.robot_of(topic) for scheme in self._addresses.schemes)
+        self.deviations.note(next(filter(None, robots)), topic.rpartition("/")[2], repairs)
 
     def _is_new(
         self,
