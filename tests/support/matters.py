@@ -45,6 +45,9 @@ class Site(Protocol):
     def service(self, **fields: Any) -> None:
         """Publish the heartbeat of the order service."""
 
+    def direct_stop(self, stop: StopStatus) -> None:
+        """Let the aggregator stop all robots without the order service."""
+
 
 @dataclass(frozen=True)
 class Condition:
@@ -214,10 +217,17 @@ def locked(site: Site) -> None:
     site.robot("Closed", {"transport_order": "T-Closed", "coded_reason": reason}, **way("B", released=0))
 
 
+def stopped_directly(site: Site) -> None:
+    """Stop all robots without the order service, one of them with an order."""
+    with_order(site, "Driven", paused=True)
+    site.direct_stop(stop_of(site))
+
+
 SERVICES: tuple[Condition, ...] = (
     Condition("all well", lambda s: s.service(), ()),
     Condition("path locked", locked, ("path_locked:A --- B",), robots=1, orders=1),
     Condition("all stopped", lambda s: s.service(stops=(stop_of(s),)), ("stop:Stop-1",)),
+    Condition("all stopped directly", stopped_directly, ("stop:Stop-1",), robots=1, orders=1),
     Condition("database full", lambda s: s.service(store_ready=False), ("store_unavailable",)),
     Condition("order service down", lambda s: s.service(online=False), ("order_service_down",)),
     Condition("weak broker", lambda s: s.service(broker_lacks=("retained",)), ("broker_lacks",)),
@@ -273,6 +283,9 @@ class ModelSite:
     def service(self, **fields: Any) -> None:
         self._beat = fields
         self.model.on_service_status(heartbeat(self.now, **fields), self._at, retained=False)
+
+    def direct_stop(self, stop: StopStatus) -> None:
+        self.model.direct_stops = (stop,)
 
     def wait(self, seconds: int, *, beating: bool = True) -> None:
         """Let time pass, with a look, and a heartbeat of the order service, each second."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
 from collections.abc import Mapping
@@ -12,18 +13,21 @@ from typing import Any
 import httpx
 import pytest
 from playwright.async_api import Browser, Page, expect
+from typer.testing import CliRunner
 
+from nena_cli.__main__ import app
+from nena_shared.fleet_api.stops import DirectStop, StopStatus
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import Topic
+from support.broker import free_port
 from support.fleet_examples import connection, state, vehicle_status
-from support.matters import OWN, emergency, heartbeat, key_of
+from support.matters import OWN, SERVICES, Condition, emergency, heartbeat, key_of
 from support.panel import Hall, findings, opened, picture, seconds_now
 from support.waiting import awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
 LIMITS = ("--jam.robots", "2", "--jam.seconds", "0.1")
-ALL = {matter for condition in OWN for matter in condition.matters}
 
 
 class HallSite:
@@ -62,15 +66,31 @@ class HallSite:
         body = heartbeat(self.now, **fields).model_dump_json(by_alias=True)
         self.hall.peer.publish(self.hall.fleet.service_status, body, retain=True)
 
+    def direct_stop(self, stop: StopStatus) -> None:
+        fields = stop.model_dump(include={"name", "by", "reason", "since"})
+        body = DirectStop(**fields, user="anna").model_dump_json(by_alias=True)
+        self.hall.peer.publish(self.hall.fleet.direct_stop(stop.name), body, retain=True)
+
+
+async def nena_status(url: str) -> tuple[int, list[dict[str, Any]]]:
+    """Run ``nena status``, without an order service; return its exit status and its list."""
+    options = ("--json", "--aggregator", url, "--url", f"http://127.0.0.1:{free_port()}")
+    done = await asyncio.to_thread(lambda: CliRunner().invoke(app, ["status", *options]))
+    return done.exit_code, json.loads(done.stdout)["attention"]
+
 
 def rows(page: Page) -> Any:
     return page.locator("nena-attention li")
 
 
-async def test_panel_rest_and_metrics_agree_on_all_conditions(hall: Hall, browser: Browser) -> None:
+@pytest.mark.parametrize("conditions", [OWN, *((each,) for each in SERVICES)], ids=lambda each: each[0].name)
+async def test_panel_rest_metrics_and_nena_status_agree(
+    hall: Hall, browser: Browser, conditions: tuple[Condition, ...]
+) -> None:
+    expected = {matter for condition in conditions for matter in condition.matters}
     async with hall.connected(*LIMITS), httpx.AsyncClient(base_url=hall.url) as client:
         site = HallSite(hall)
-        for condition in OWN:
+        for condition in conditions:
             condition.arrange(site)
 
         async def listed() -> list[dict[str, Any]]:
@@ -78,20 +98,22 @@ async def test_panel_rest_and_metrics_agree_on_all_conditions(hall: Hall, browse
             return found
 
         matters = await awaited(
-            listed, lambda found: {each["id"] for each in found} == ALL, what="all conditions"
+            listed, lambda found: {each["id"] for each in found} == expected, what="all conditions"
         )
+        assert await nena_status(hall.url) == (1 if expected else 2, matters)
         metrics = (await client.get("metrics")).text
         counted = re.findall(r'nena_attention\{acknowledged="no",kind="\w+"\} (\d+)', metrics)
-        assert sum(map(int, counted)) == len(matters) == len(ALL)
+        assert sum(map(int, counted)) == len(matters) == len(expected)
         async with opened(browser, hall.url, width=1600, height=1000) as page:
-            await expect(page).to_have_title(f"({len(ALL)}) NeNa")
-            shown = page.get_by_role("button", name=re.compile(f"^{len(ALL)} need attention"))
-            await shown.click()
-            await expect(rows(page)).to_have_count(len(ALL))
+            await expect(page).to_have_title(f"({len(expected)}) NeNa" if expected else "NeNa")
+            await page.locator("nena-attention-button button").click()
+            await expect(rows(page)).to_have_count(len(expected))
             names = await rows(page).locator(".name").all_inner_texts()
-            assert names == [each["subject"] for each in matters]
+            assert names == [each["subject"] for each in matters if each["subject"]]
             assert await findings(page, minor=True) == []
-            await picture(page, "attention")
+            for width in (1600, 1280, 390):
+                await page.set_viewport_size({"width": width, "height": 900})
+                await picture(page, f"attention-{conditions[0].name}-{width}")
 
 
 @pytest.mark.parametrize("width", [1280, 390])
@@ -147,3 +169,37 @@ async def test_browser_notifies_of_what_is_new(hall: Hall, browser: Browser) -> 
             site.robot("New", **emergency("REMOTE"))
             await expect(page).to_have_title("(2) NeNa")
             assert json.loads(await page.evaluate("JSON.stringify(window.told)")) == ["New Emergency stop"]
+
+
+async def test_new_matter_sounds_once_if_switched_on(hall: Hall, browser: Browser) -> None:
+    async with hall.connected():
+        site = HallSite(hall)
+        site.robot("Old", **emergency("MANUAL"))
+        async with opened(browser, hall.url) as page:
+            await page.add_init_script(
+                "window.tones = 0; const { start } = OscillatorNode.prototype;"
+                " OscillatorNode.prototype.start = function () { window.tones += 1; start.call(this); };"
+            )
+            await page.reload()
+            await expect(page).to_have_title("(1) NeNa")
+            await page.locator("nena-attention-button button").click()
+            sound = page.locator("nena-attention").get_by_text("Sound", exact=True)
+            await expect(sound).to_have_attribute("aria-pressed", "false")
+            site.robot("Silent", **emergency("REMOTE"))
+            await expect(page).to_have_title("(2) NeNa")
+            assert await page.evaluate("tones") == 0
+            await sound.click()
+            await expect(sound).to_have_attribute("aria-pressed", "true")
+            site.robot("Loud", **emergency("REMOTE"))
+            await expect(page).to_have_title("(3) NeNa")
+            assert await page.evaluate("tones") == 2, "one when it was switched on, one for the new matter"
+
+            await page.reload()  # a browser allows no sound until the page is used
+            await expect(sound).to_have_attribute("aria-pressed", "true")
+            site.robot("Unused", **emergency("REMOTE"))
+            await expect(page).to_have_title("(4) NeNa")
+            assert await page.evaluate("tones") == 0
+            await page.locator("h1").click()
+            site.robot("Used", **emergency("REMOTE"))
+            await expect(page).to_have_title("(5) NeNa")
+            assert await page.evaluate("tones") == 1

@@ -17,6 +17,7 @@ from typer.testing import CliRunner, Result
 from nena_cli.__main__ import app
 from nena_client import Client
 from nena_demo.plants import sample_plant_path
+from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
 from support.order_service_fleet import Fleet, order_in, vehicle_idle
 from support.programs import Program
@@ -323,39 +324,54 @@ async def test_active_order_service_is_used(fleet: Fleet) -> None:
     assert (await nena("orders", "watch", made["name"])).exit_code == 1
 
 
+async def aggregator_of(fleet: Fleet) -> tuple[str, str]:
+    """Start a status aggregator of the fleet; return the option with its URL."""
+    topics = ("--topic_prefix", fleet.prefix, "--interface_name", fleet.interface)
+    options = (*map(str, fleet.broker.options), *topics, "--http.port", "0", "--history.url", "none")
+    aggregator = fleet.stack.enter_context(AggregatorProcess(*options))
+    await aggregator.logged("broker connected")
+    return "--aggregator", await aggregator.url()
+
+
 async def test_status_and_explain_name_what_needs_a_person(fleet: Fleet) -> None:
     client = await fleet.order_service().client()
-    nena = Nena(str(client.base_url))
+    nena, there = Nena(str(client.base_url)), await aggregator_of(fleet)
     (made,) = await nena.json("orders", "create", "Storage", "--vehicle", "Robot-01", "--name", "T-1")
     assert made["driveOrders"][0]["destination"]["operation"] == "NOP"
 
-    shown = await nena("status")
+    shown = await awaited(
+        lambda: nena("status", *there), lambda shown: "Robot-01" in shown.stdout, what="it needs a person"
+    )
     assert shown.exit_code == 1
     assert "active, ready" in shown.stdout
-    assert "Robot-01\tUNKNOWN" in shown.stdout
-    assert "Start its edge agent" in shown.stdout
-    (report,) = await nena.json("status", status=1)
+    assert "robot offline\tRobot-01" in shown.stdout
+    (report,) = await nena.json("status", *there, status=1)
     assert report["orders"] == {"DISPATCHABLE": 1}
+    (matter,) = report["attention"]
+    async with httpx.AsyncClient(base_url=there[1]) as aggregator:
+        await aggregator.post(f"/api/v1/attention/{matter['id']}/acknowledgement", json={"by": "Ann"})
+    acknowledged = await nena("status", *there)
+    assert (acknowledged.exit_code, "acknowledged by Ann" in acknowledged.stdout) == (0, True)
 
     await nena.json("orders", "hold", "T-1")
     (explained,) = await nena.json("explain", "T-1")
-    assert explained["advice"] == "nena orders resume T-1"
+    assert "nena orders resume T-1" in explained["advice"]
     assert "Start its edge agent" in (await nena("explain", "Robot-01")).stdout
 
 
-async def test_status_names_a_paused_robot_and_its_level_is_set(fleet: Fleet) -> None:
+async def test_status_names_a_paused_robot_with_an_order_and_its_level_is_set(fleet: Fleet) -> None:
     client = await fleet.order_service().client()
-    nena = Nena(str(client.base_url))
-    fleet.agent()
+    nena, there = Nena(str(client.base_url)), await aggregator_of(fleet)
+    fleet.agent(speed=0.5)
     await vehicle_idle(client)
+    await nena.json("orders", "create", "Storage", "--vehicle", "Robot-01")
     paused = await client.post("/v1/vehicles/Robot-01/instantActions", json={"actionType": "pause"})
     assert paused.json()["status"] == "FINISHED"
 
     shown = await awaited(
-        lambda: nena("status"), lambda shown: "Robot-01" in shown.stdout, what="it needs a person"
+        lambda: nena("status", *there), lambda shown: "Robot-01" in shown.stdout, what="it needs a person"
     )
-    assert shown.exit_code == 1
-    assert "Robot-01\tBLOCKED" in shown.stdout
+    assert (shown.exit_code, "robot paused\tRobot-01" in shown.stdout) == (1, True)
     (one,) = await nena.json("vehicles", "level", "Robot-01", "TO_BE_RESPECTED")
     assert (one["integrationLevel"], one["takenOut"]) == ("TO_BE_RESPECTED", False)
 

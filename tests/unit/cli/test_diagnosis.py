@@ -1,20 +1,19 @@
 from __future__ import annotations
 
-from datetime import UTC, datetime, timedelta
+import json
+from datetime import UTC, datetime
 from typing import Any
 
+import httpx
 import pytest
+from typer.testing import CliRunner, Result
 
-from nena_cli.diagnosis import explain_order, explain_vehicle, report_of, with_services
+from nena_cli.__main__ import app
+from nena_cli.diagnosis import explain_order, explain_vehicle, with_services
 from nena_client import ServiceState
-from nena_shared.fleet_api.stops import StopStatus
+from nena_shared.fleet_api.attention import Acknowledgement, AttentionList, Matter, MatterKind, advice_on
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
-from nena_shared.fleet_api.transport_order import (
-    Hold,
-    OrderOutcome,
-    TransportOrderState,
-    TransportOrderStatus,
-)
+from nena_shared.fleet_api.transport_order import Hold, TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 
 NOW = datetime(2026, 1, 1, 12, tzinfo=UTC)
@@ -58,88 +57,14 @@ def order(name: str, state: TransportOrderState, **more: Any) -> TransportOrderS
     )
 
 
-def test_a_healthy_fleet_needs_nobody() -> None:
-    fleet = [vehicle("V-1"), vehicle("V-2", VehicleState.IDLE), vehicle("V-3", VehicleState.EXECUTING, "V-1")]
-    report = report_of(
-        {"http://a": ServiceState("active, ready", healthy=True)},
-        fleet,
-        [order("T", TransportOrderState.ACTIVE)],
-        NOW,
-    )
-
-    assert report.attention == ()
-    assert report.waiting_vehicles == 1
-    assert report.vehicles == {VehicleState.EXECUTING: 2, VehicleState.IDLE: 1}
-    assert report.orders == {TransportOrderState.ACTIVE: 1}
-
-
-def test_an_order_service_that_is_not_ready_comes_first() -> None:
-    services = {
-        "http://a": ServiceState("active, not ready, broker not connected", healthy=False),
-        "http://b": ServiceState("standby", healthy=True),
-    }
-    found = report_of(services, [vehicle("V-1", VehicleState.ERROR)], [], NOW).attention
-
-    assert [(each.name, each.state) for each in found] == [("http://a", "NOT READY"), ("V-1", "ERROR")]
-    assert "broker not connected" in found[0].reason
-
-
-def test_the_head_of_the_longest_queue_comes_first() -> None:
-    fleet = [
-        vehicle("V-1", VehicleState.ERROR, errors=("emergency stop",)),
-        vehicle("V-2", VehicleState.UNAVAILABLE, operating_mode="MANUAL"),
-        vehicle("V-3", VehicleState.EXECUTING, "V-2"),
-        vehicle("V-4", VehicleState.UNKNOWN, connection="OFFLINE"),
-        vehicle("V-5", VehicleState.UNKNOWN, connection="HIBERNATING"),
-        vehicle("V-6", VehicleState.UNKNOWN, connection="UNKNOWN"),
-    ]
-    found = report_of({}, fleet, [], NOW).attention
-
-    assert [(each.name, each.waiting_behind) for each in found] == [
-        ("V-2", 1),
-        ("V-1", 0),
-        ("V-4", 0),
-        ("V-6", 0),
-    ]
-    assert found[0].advice == "Switch the robot to AUTOMATIC."
-    assert found[1].reason == "reason of V-1; emergency stop"
-    assert "network" in found[2].advice
-    assert "serial number" in found[3].advice
-
-
-def test_a_circle_is_reported_once() -> None:
+def test_a_circle_is_left_by_rerouting_its_first_vehicle() -> None:
     fleet = [
         vehicle("V-1", VehicleState.EXECUTING, "V-2"),
         vehicle("V-2", VehicleState.EXECUTING, "V-1"),
         vehicle("V-3", VehicleState.EXECUTING, "V-1"),
     ]
-    (found,) = report_of({}, fleet, [], NOW).attention
-
-    assert "circle of waiting vehicles: V-1, V-2" in found.reason
-    assert found.advice == "nena vehicles reroute V-1 --forced"
-    assert explain_vehicle("V-3", {each.name: each for each in fleet}).advice == found.advice
-
-
-def test_orders_that_need_a_person() -> None:
-    hold = Hold(by="Ann", reason="tea", since=NOW)
-    orders = [
-        order("recent", TransportOrderState.FAILED, finished=NOW - timedelta(minutes=59)),
-        order("parking", TransportOrderState.FAILED, finished=NOW, outcome=OrderOutcome.GAVE_WAY),
-        order("not-wanted", TransportOrderState.FAILED, finished=NOW, outcome=OrderOutcome.WITHDRAWN),
-        order("old", TransportOrderState.FAILED, finished=NOW - timedelta(minutes=61)),
-        order("nowhere", TransportOrderState.UNROUTABLE, finished=NOW),
-        order("held", TransportOrderState.ACTIVE, held=hold),
-        order("late", TransportOrderState.BEING_PROCESSED, late=True),
-        order("late-at-its-end", TransportOrderState.FINISHED, late=True, finished=NOW),
-    ]
-    found = report_of({}, [], orders, NOW).attention
-
-    assert [(each.name, each.state) for each in found] == [
-        ("recent", "FAILED"),
-        ("nowhere", "UNROUTABLE"),
-        ("held", "HELD"),
-        ("late", "LATE"),
-    ]
+    advice = explain_vehicle("V-3", {each.name: each for each in fleet}).advice
+    assert "nena vehicles reroute V-1 --forced" in advice
 
 
 def test_a_waiting_vehicle_is_explained_to_the_head_of_its_queue() -> None:
@@ -179,9 +104,8 @@ def test_an_order_is_explained_through_its_dependency_and_vehicle() -> None:
 
 def test_a_held_order_is_resumed() -> None:
     hold = Hold(by="Ann", reason="tea", since=NOW)
-    assert explain_order([order("T", TransportOrderState.ACTIVE, held=hold)], {}).advice == (
-        "nena orders resume T"
-    )
+    advice = explain_order([order("T", TransportOrderState.ACTIVE, held=hold)], {}).advice
+    assert "nena orders resume T" in advice
 
 
 def test_an_order_without_a_vehicle_says_its_own_reason() -> None:
@@ -239,7 +163,7 @@ LOCKED = {"code": "but", "causes": [{"code": "travels"}, {"code": "path_locked",
         ({"coded_reason": LOCKED}, "EXECUTING", "reason of V-1", "Unlock the path"),
     ],
 )
-def test_what_holds_a_robot_needs_a_person_with_all_who_wait_behind_it(
+def test_what_holds_a_robot_is_the_root_for_all_who_wait_behind_it(
     more: dict[str, Any], state: str, told: str, advice: str
 ) -> None:
     fleet = [
@@ -247,47 +171,119 @@ def test_what_holds_a_robot_needs_a_person_with_all_who_wait_behind_it(
         vehicle("V-2", VehicleState.EXECUTING, "V-1"),
         vehicle("V-3", VehicleState.EXECUTING, "V-2"),
     ]
-    (found,) = report_of({}, fleet, [], NOW).attention
+    found = explain_vehicle("V-3", {each.name: each for each in fleet})
 
-    assert (found.name, found.state, found.waiting_behind) == ("V-1", state, 2)
-    assert told in found.reason
+    assert (found.steps[-1].name, found.steps[-1].state) == ("V-1", state)
+    assert told in found.steps[-1].reason
     assert advice in found.advice
-    assert advice in explain_vehicle("V-3", {each.name: each for each in fleet}).advice
 
 
-def test_an_emergency_stop_at_the_head_of_a_queue_counts_although_it_waits_itself() -> None:
-    fleet = [
-        vehicle("V-1", VehicleState.EXECUTING, "V-4", **EMERGENCY),
-        vehicle("V-2", VehicleState.EXECUTING, "V-1", "V-4"),
-        vehicle("V-4"),
+def matter(kind: MatterKind, subject: str = "", **more: Any) -> Matter:
+    fields = {
+        "id": f"{kind}:{subject}",
+        "kind": kind,
+        "urgent": kind.urgent,
+        "subject": subject,
+        "since": NOW,
+        "reason": "it smokes",
+        "advice": advice_on(kind, subject),
+    }
+    return Matter.model_validate(fields | more)
+
+
+SEEN = {"acknowledged": Acknowledgement(by="Anna", at=NOW)}
+READY = {"ready": True, "role": "active", "brokerConnected": True, "storeReady": True}
+COUNTS = {"transportOrders": {"ACTIVE": 2}, "vehicles": {"IDLE": 3}, "oldestOrder": None}
+
+
+@pytest.fixture
+def answers(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Return what the services answer by path; an exception is raised."""
+    by_path: dict[str, Any] = {"/readyz": READY, "/v1/summary": COUNTS}
+    make = httpx.Client
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        found = by_path[request.url.path]
+        if isinstance(found, Exception):
+            raise found
+        return found if isinstance(found, httpx.Response) else httpx.Response(200, json=found)
+
+    monkeypatch.setattr(
+        httpx, "Client", lambda **more: make(**{**more, "transport": httpx.MockTransport(answer)})
+    )
+    return by_path
+
+
+def run_status(answers: dict[str, Any], *matters: Matter, options: tuple[str, ...] = ()) -> Result:
+    found = AttentionList(attention=matters)
+    answers.setdefault("/api/v1/attention", found.model_dump(mode="json", by_alias=True))
+    return CliRunner().invoke(app, ["status", *options], env={"COLUMNS": "200"})
+
+
+def test_status_of_a_fleet_that_needs_nobody(answers: dict[str, Any]) -> None:
+    done = run_status(answers)
+    assert done.exit_code == 0, done.output
+    assert done.stdout.splitlines() == [
+        "order service\thttp://127.0.0.1:55200: active, ready",
+        "vehicles\t3: 3 IDLE",
+        "open orders\t2: 2 ACTIVE",
+        "needs attention\tnothing",
     ]
-    (found,) = report_of({}, fleet, [], NOW).attention
-
-    assert (found.name, found.waiting_behind) == ("V-1", 1)
-    assert "waits for V-4" not in found.reason
 
 
-def test_a_stop_is_reported_once_and_not_for_each_robot() -> None:
-    stop = {"name": "stop-1", "by": "Anna", "reason": "fire drill"}
-    fleet = [
-        vehicle(f"V-{number}", paused=True, stop={**stop, "area": False}, reason="is stopped")
-        for number in range(3)
+def test_status_lists_what_needs_a_person_and_what_it_holds_up(answers: dict[str, Any]) -> None:
+    stop = matter(MatterKind.EMERGENCY_STOP, "AMR-1", robot_count=3, order_count=1)
+    done = run_status(answers, stop, matter(MatterKind.PATH_LOCKED, "A --- B", **SEEN))
+    assert done.exit_code == 1, done.output
+    rows = [line.split("\t") for line in done.stdout.splitlines()[3:]]
+    assert [(row[0], row[1], row[3], row[4]) for row in rows] == [
+        (
+            "emergency stop",
+            "AMR-1",
+            "it smokes (holds up 3 robots, 1 order)",
+            "Find out why it was triggered; reset it when everyone is safe.",
+        ),
+        (
+            "path locked",
+            "A --- B",
+            "it smokes (acknowledged by Anna)",
+            "Unlock the path in the control panel when it is free.",
+        ),
     ]
-    status = StopStatus.model_validate({**stop, "since": NOW})
-    (found,) = report_of({}, fleet, [], NOW, [status]).attention
 
-    assert (found.name, found.state, found.advice) == ("stop-1", "STOPPED", "nena stops end stop-1")
-    assert found.reason == "all robots are paused by Anna: fire drill"
+
+def test_status_is_0_once_everything_is_acknowledged(answers: dict[str, Any]) -> None:
+    done = run_status(answers, matter(MatterKind.JAM, "AMR-1", **SEEN), options=("--json",))
+    assert done.exit_code == 0, done.output
+    (shown,) = json.loads(done.stdout)["attention"]
+    assert shown["acknowledged"]["by"] == "Anna"
+
+
+def test_status_counts_what_it_does_not_list(answers: dict[str, Any]) -> None:
+    done = run_status(answers, *(matter(MatterKind.ORDER_LATE, f"T-{number}") for number in range(23)))
+    assert "and 3 more" in done.stdout
 
 
 @pytest.mark.parametrize(
-    "more",
+    ("path", "answer", "told"),
     [
-        {"active_emergency_stop": "NONE", "localized": True},
-        {"localized": None},
-        {"errors": ("WARNING dust", "URGENT filter")},
-        {"state": VehicleState.CHARGING, "coded_reason": {"code": "recharges"}},
+        ("/api/v1/attention", httpx.ConnectError("refused"), "NENA_AGGREGATOR_URL"),
+        ("/api/v1/attention", httpx.Response(401, json={"detail": "Sign in."}), "Sign in."),
+        ("/api/v1/attention", httpx.Response(404, text="?"), "is it a status aggregator?"),
+        ("/api/v1/attention", {"name": "another program"}, "is not a status aggregator"),
+        ("/readyz", httpx.ConnectError("refused"), "not reachable: refused"),
+        ("/readyz", {**READY, "ready": False, "problems": ["disk full"]}, "not ready, disk full"),
     ],
 )
-def test_what_needs_nobody(more: dict[str, Any]) -> None:
-    assert report_of({}, [vehicle("V-1", **more)], [], NOW).attention == ()
+def test_status_is_2_if_a_service_does_not_answer(
+    answers: dict[str, Any], path: str, answer: Any, told: str
+) -> None:
+    answers |= {path: answer, "/v1/summary": httpx.ConnectError("refused")}
+    done = run_status(answers)
+    assert (done.exit_code, told in done.output) == (2, True), done.output
+
+
+def test_status_is_1_if_the_list_says_that_the_order_service_is_down(answers: dict[str, Any]) -> None:
+    answers |= {"/readyz": httpx.ConnectError("refused"), "/v1/summary": httpx.ConnectError("refused")}
+    done = run_status(answers, matter(MatterKind.ORDER_SERVICE_DOWN))
+    assert (done.exit_code, "vehicles" in done.stdout) == (1, False), done.output

@@ -92,6 +92,7 @@ def test_only_the_order_service_writes_orders() -> None:
     rules = rules_of(Kind.STATUS_AGGREGATOR, "status-aggregator")
     assert [each for each in rules if not each.startswith("read ")] == [
         "write nena/v1/robots/+/+/recordings/answer",
+        "write nena/v1/acknowledgements/+",
         "write nena/v1/directStops/+",
         "write uagv/v2/+/+/instantActions",
         "write vda5050/v3/+/+/instantActions",

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from secrets import token_hex
 from types import MappingProxyType
@@ -12,6 +13,7 @@ from pydantic_core import to_json
 
 from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, iso
+from nena_shared.fleet_api.attention import Matter, MatterChange
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
@@ -23,6 +25,7 @@ from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
 from nena_status_aggregator.fleet.queues import JamLimits
 from nena_status_aggregator.fleet.robot import Timestamp
 from nena_status_aggregator.history.history import History
+from nena_status_aggregator.kept_acknowledgements import KeptAcknowledgements
 from nena_status_aggregator.mqtt import FleetSubscriber
 from nena_status_aggregator.settings import AggregatorSettings, Share
 
@@ -30,6 +33,15 @@ log = get_logger(__name__)
 
 IDLE_DELAY = 30.0
 """Time for which changes are still published after the last client has left, as it may reconnect, seconds."""
+
+
+@contextmanager
+def _failure_of(extension: Extension, what: str) -> Iterator[None]:
+    """Log an exception: the fleet is shown whatever an extension does."""
+    try:
+        yield
+    except Exception:
+        log.exception("an extension failed", extension=type(extension).__name__, what=what)
 
 
 class Aggregator:
@@ -61,10 +73,12 @@ class Aggregator:
             track_distance=settings.history.track_distance if self.history else 0.0,
             jam=JamLimits(settings.jam.robots, settings.jam.seconds),
         )
-        self.model = FleetModel(limits, self._on_event)
+        self.model = FleetModel(limits, self._on_event, self._on_matter)
         self.link = FleetSubscriber(settings, self.model, clock)
         topics = FleetTopics(settings.topic_prefix)
         self.direct_stops = DirectStops(self.link.mqtt, self.model, topics, clock)
+        kept = topics.acknowledgements(str(self.share))
+        self.acknowledgements = KeptAcknowledgements(self.link.mqtt, self.model.attention, kept, clock)
         core = Core(
             clock=clock,
             topics=topics,
@@ -85,10 +99,13 @@ class Aggregator:
         if self.history:
             self.history.writer.add(event)
         for extension in self.extensions:
-            try:
+            with _failure_of(extension, event.code):
                 extension.on_event(event)
-            except Exception:  # the fleet is shown whatever an extension does
-                log.exception("an extension failed", extension=type(extension).__name__, code=event.code)
+
+    def _on_matter(self, change: MatterChange, matter: Matter) -> None:
+        for extension in self.extensions:
+            with _failure_of(extension, matter.id):
+                extension.on_matter(change, matter)
 
     def now(self) -> Timestamp:
         """Return the current time."""
@@ -113,6 +130,7 @@ class Aggregator:
             self.link.read_postponed()
             self.link.report_limits()
             self.direct_stops.pause_and_release()
+            self.acknowledgements.keep()
             if self.events.clients:
                 followed_until = time_s + IDLE_DELAY
             if time_s < followed_until:

@@ -16,6 +16,7 @@ from pydantic import BaseModel
 
 from nena_shared import extensions
 from nena_shared.clock import Clock
+from nena_shared.fleet_api.attention import Matter, MatterChange
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.metrics import Section
 from nena_shared.mqtt import Inbound, Outbound
@@ -76,6 +77,9 @@ class Extension:
 
     def on_event(self, event: Event) -> None:
         """Handle an event of a robot or an order, such as a failed order (``fleet/events.py``)."""
+
+    def on_matter(self, change: MatterChange, matter: Matter) -> None:
+        """Handle that something needs a person, was acknowledged, or has ended."""
 
 
 @cache

@@ -47,9 +47,17 @@ class MatterKind(StrEnum):
         return _RANKS[self]
 
 
+class MatterChange(StrEnum):
+    """What happens to a matter, once each."""
+
+    BEGAN = "began"
+    ACKNOWLEDGED = "acknowledged"
+    ENDED = "ended"
+
+
 _RANKS: Final = {kind: rank for rank, kind in enumerate(MatterKind)}
 
-ADVICE: Final[dict[MatterKind, str]] = {
+_ADVICE: Final[dict[MatterKind, str]] = {
     MatterKind.BROKER_LOST: "Check that the MQTT broker runs, and mqtt.host and mqtt.port of the aggregator.",
     MatterKind.ORDER_SERVICE_DOWN: "Check the order service and its log, and start it again.",
     MatterKind.STORE_UNAVAILABLE: "Check the database of the order service: disk, network, log.",
@@ -75,6 +83,11 @@ ADVICE: Final[dict[MatterKind, str]] = {
     MatterKind.BROKER_LACKS: "Use another MQTT broker, or do what docs/brokers.md says.",
 }
 """What to do, in English, by kind; the control panel has its own texts."""
+
+
+def advice_on(kind: MatterKind, subject: str) -> str:
+    """Return what to do; of several subjects, it names the first one."""
+    return _ADVICE[kind].replace("NAME", subject.split(", ", maxsplit=1)[0])
 
 
 class Acknowledgement(Resource):

@@ -143,6 +143,10 @@ class FleetTopics:
         """Return the topic of a :class:`DirectStop`, retained until the order service has taken it over."""
         return f"{self.prefix}/directStops/{name}"
 
+    def acknowledgements(self, share: str) -> str:
+        """Return the topic of the acknowledgements by matter of the aggregator of a share, retained."""
+        return f"{self.prefix}/acknowledgements/{level_of(share)}"
+
     @property
     def plant_model(self) -> str:
         """Topic of the plant model, as JSON, retained."""

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections import Counter
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from urllib.parse import quote
 
 import httpx
 import pytest
+from typer.testing import CliRunner, Result
 
+from nena_cli.__main__ import app
 from nena_shared.fleet_api.base import Role
 from nena_shared.settings import settings_with
 from nena_shared.web.users import User, hash_of, write_users
@@ -49,9 +52,30 @@ async def listed(client: httpx.AsyncClient) -> list[dict[str, object]]:
     return found
 
 
+@pytest.fixture
+def nena_status(monkeypatch: pytest.MonkeyPatch) -> Callable[[httpx.Response], Result]:
+    """Return a function that runs ``nena status`` with this answer of the aggregator."""
+    make = httpx.Client
+
+    def run(listed: httpx.Response) -> Result:
+        answers = {
+            "/api/v1/attention": listed.content,
+            "/readyz": b'{"ready": true, "role": "active", "brokerConnected": true, "storeReady": true}',
+            "/v1/summary": b'{"transportOrders": {}, "vehicles": {}, "oldestOrder": null}',
+        }
+        answer = httpx.MockTransport(lambda asked: httpx.Response(200, content=answers[asked.url.path]))
+        monkeypatch.setattr(httpx, "Client", lambda **more: make(**{**more, "transport": answer}))
+        return CliRunner().invoke(app, ["status", "--json"])
+
+    return run
+
+
 @pytest.mark.parametrize("condition", CONDITIONS, ids=lambda each: each.name)
-async def test_rest_fleet_and_metrics_agree(
-    client: httpx.AsyncClient, site: ModelSite, condition: Condition
+async def test_rest_fleet_metrics_and_nena_status_agree(
+    client: httpx.AsyncClient,
+    site: ModelSite,
+    condition: Condition,
+    nena_status: Callable[[httpx.Response], Result],
 ) -> None:
     condition.arrange(site)
     site.wait(5)
@@ -64,6 +88,15 @@ async def test_rest_fleet_and_metrics_agree(
     assert {(kind, done): int(number) for done, kind, number in counted} == {
         (kind, "no"): number for kind, number in kinds.items()
     }
+    shown = nena_status(await client.get("/api/v1/attention"))
+    assert (json.loads(shown.stdout)["attention"], shown.exit_code) == (matters, int(bool(matters)))
+    for matter in matters:
+        await client.post(
+            f"/api/v1/attention/{quote(str(matter['id']))}/acknowledgement",
+            json={"by": "Anna"},
+            headers={"host": "localhost"},
+        )
+    assert nena_status(await client.get("/api/v1/attention")).exit_code == 0
 
 
 @pytest.mark.usefixtures("hit")

@@ -6,7 +6,7 @@ from datetime import timedelta
 
 import pytest
 
-from nena_shared.fleet_api.attention import ADVICE, MatterKind
+from nena_shared.fleet_api.attention import Acknowledgement, MatterKind, advice_on
 from nena_shared.fleet_api.service_status import LOST_AFTER
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
@@ -79,6 +79,38 @@ def test_acknowledged_matter_stays_last_with_the_first_name_and_is_new_when_it_r
     assert [each.acknowledged for each in site.list()] == [None, None]
 
 
+def test_each_change_is_told_once() -> None:
+    told: list[tuple[str, str]] = []
+    model = FleetModel(LIMITS, on_matter=lambda change, matter: told.append((change.value, matter.id)))
+    site = ModelSite(model, ManualClock(start=START))
+    site.robot("Hit", **emergency("MANUAL"))
+    site.wait(2)
+    assert told == [("began", "emergency_stop:Hit")]
+    for name in ("Anna", "Ben"):
+        site.model.attention.acknowledge("emergency_stop:Hit", name, site.now)
+    site.wait(2)
+    site.robot("Hit")
+    site.wait(2)
+    assert told[1:] == [("acknowledged", "emergency_stop:Hit"), ("ended", "emergency_stop:Hit")]
+
+
+def test_restored_acknowledgement_is_that_of_the_same_matter_and_goes_with_it() -> None:
+    site = make_site()
+    registry = site.model.attention
+    done = Acknowledgement(by="Anna", at=START)
+    names = ("emergency_stop:Hit", "jam:Gone", "order_failed:Failed")
+    registry.restore(dict.fromkeys(names, done), site.now + timedelta(seconds=60))
+    site.robot("Hit", **emergency("MANUAL"))
+    site.wait(30)
+    assert [each.acknowledged for each in site.list()] == [done]
+    site.order("Failed", TransportOrderState.FAILED, finished=site.now)
+    site.wait(31)
+    assert set(registry.acknowledged) == {"emergency_stop:Hit", "order_failed:Failed"}
+    site.robot("Hit")
+    site.wait(1)
+    assert set(registry.acknowledged) == {"order_failed:Failed"}
+
+
 def test_protective_field_is_a_matter_only_if_it_stays_violated() -> None:
     site = make_site()
     site.robot("Stands", safety_state={"active_emergency_stop": "NONE", "field_violation": True})
@@ -102,10 +134,19 @@ def test_without_the_broker_only_that_is_new() -> None:
     site = make_site()
     site.robot("Hit", **emergency("MANUAL"))
     site.robot("Idle")
-    site.service()
+    site.service(locked_paths=("A --- B",))
+    site.wait(1)
     site.model.on_link(connected=False, at=Timestamp.of(site.clock))
-    site.wait(2)
-    assert site.ids() == {"broker_lost", "emergency_stop:Hit"}
+    site.wait(1, beating=False)
+    known = {"emergency_stop:Hit", "path_locked:A --- B"}
+    assert site.ids() == known
+    site.wait(3600, beating=False)
+    assert site.ids() == {"broker_lost", *known}, "nobody knows that they have ended"
+    site.model.on_link(connected=True, at=Timestamp.of(site.clock))
+    assert site.ids() >= known, "what the broker retains has not arrived yet"
+    site.service()
+    site.wait(1)
+    assert site.ids() == {"robot_silent:Hit", "robot_silent:Idle"}
 
 
 def test_silent_robot_and_old_failure() -> None:
@@ -131,4 +172,4 @@ def test_offline_robot_for_which_an_order_waits_holds_it_up() -> None:
 
 
 def test_every_kind_says_what_to_do() -> None:
-    assert set(ADVICE) == set(MatterKind)
+    assert all(advice_on(kind, "X") for kind in MatterKind)

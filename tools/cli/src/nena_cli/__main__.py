@@ -46,7 +46,7 @@ class Command:
 
 
 COMMANDS: Final = {
-    "status": Command("nena_cli.diagnosis", "status", "Show what runs, what is wrong and what to do."),
+    "status": Command("nena_cli.diagnosis", "status", "Show what runs, what needs a person and what to do."),
     "explain": Command("nena_cli.diagnosis", "explain", "Show why an order or a vehicle is waiting."),
     "orders": Command("nena_cli.orders", "app", "Transport orders."),
     "sequences": Command("nena_cli.sequences", "app", "Order sequences."),

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Final
 from urllib.parse import quote
 
-import httpx
 import typer
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import BaseModel, TypeAdapter
 from rich.text import Text
 
+from nena_cli.aggregator import DEFAULT_AGGREGATOR, Aggregator, check_answer, connect_aggregator
 from nena_cli.options import group
-from nena_cli.output import REFUSED, fail
 from nena_cli.service import Service, of_service, vehicle_names
 from nena_cli.styled import Table
-from nena_cli.tables import printable
 from nena_cli.vehicles import act
 from nena_shared.fleet_api.operations.fleet import FETCH_RECORDING
 from nena_shared.fleet_api.recordings import RecordingAnswer
@@ -26,17 +23,8 @@ from nena_shared.vda5050 import own_actions
 
 app = group()
 
-DEFAULT_AGGREGATOR: Final = "http://127.0.0.1:8080"
-TIMEOUT: Final = 30.0
-"""Timeout of each step of a request, seconds."""
 KIB: Final = 1024
 
-Aggregator = Annotated[
-    str,
-    typer.Option(
-        "--aggregator", envvar="NENA_AGGREGATOR_URL", metavar="URL", help="URL of the status aggregator."
-    ),
-]
 Robot = Annotated[str, typer.Argument(metavar="ROBOT", help="Manufacturer and serial number: ACME/r1.")]
 
 
@@ -61,9 +49,9 @@ def list_(
     aggregator: Aggregator = DEFAULT_AGGREGATOR,
 ) -> None:
     """List recordings and log reports, newest first."""
-    with _connect_aggregator(service, aggregator) as client:
+    with connect_aggregator(service, aggregator) as client:
         answer = client.get("/api/v1/recordings", params={"robot": robot} if robot else None)
-        _check_answer(answer)
+        check_answer(answer)
         found = _ROWS.validate_json(answer.content)
     service.print_all(found, recordings_table)
 
@@ -84,12 +72,12 @@ def get(
     path = "/".join(quote(each, safe="") for each in (*robot.split("/"), name))
     target = to or Path(Path(name).name)
     with (
-        _connect_aggregator(service, aggregator) as client,
+        connect_aggregator(service, aggregator) as client,
         client.stream("GET", f"/api/v1/recordings/{path}") as answer,
     ):
         if answer.is_error:
             answer.read()
-        _check_answer(answer)
+        check_answer(answer)
         with target.open("wb") as file:
             for part in answer.iter_bytes():
                 file.write(part)
@@ -132,28 +120,3 @@ def recordings_table(found: Sequence[RecordingRow]) -> Table:
         received = f"{each.received.astimezone():%Y-%m-%d %H:%M:%S}"
         table.add_row(Text(each.robot), Text(each.name), Text(str(-(-each.size // KIB))), Text(received))
     return table
-
-
-@contextmanager
-def _connect_aggregator(service: Service, url: str) -> Iterator[httpx.Client]:
-    """Connect to the status aggregator; report an error in one line and exit."""
-    token = service.access_token()
-    headers = {"authorization": f"Bearer {token}"} if token else {}
-    try:
-        with httpx.Client(base_url=url, headers=headers, timeout=TIMEOUT) as client:
-            yield client
-    except ValidationError:
-        fail(f"{url} is not a status aggregator. Set --aggregator or NENA_AGGREGATOR_URL.")
-    except (httpx.HTTPError, httpx.InvalidURL, OSError) as error:
-        fail(f"Cannot connect to the status aggregator. Set --aggregator or NENA_AGGREGATOR_URL.\n{error}")
-
-
-def _check_answer(answer: httpx.Response) -> None:
-    """Report a refusal and exit."""
-    if answer.is_success:
-        return
-    try:
-        detail = str(answer.json()["detail"])
-    except (ValueError, KeyError, TypeError):
-        detail = f"{answer.url} answered {answer.status_code}; is it a status aggregator?"
-    fail(printable(detail), REFUSED)

@@ -11,6 +11,7 @@ from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Any, Concatenate, Final, ParamSpec, Protocol, TypeVar
 
+import httpx
 import typer
 from pydantic import BaseModel
 
@@ -39,17 +40,22 @@ class Service:
     @contextmanager
     def connected(self) -> Iterator[Client]:
         """Connect; report an error in one line and exit."""
+        with self.reporting("order service", "--url or NENA_URL"), self.opened() as connection:
+            yield connection
+
+    @contextmanager
+    def reporting(self, server: str, options: str) -> Iterator[None]:
+        """Report an error of a request in one line and exit; ``options`` set the address of the server."""
         try:
-            with self.opened() as connection:
-                yield connection
+            yield
         except RefusedError as error:
             fail(self._explain_refusal(error), REFUSED)
         except BrokenPipeError:
             raise  # Typer exits quietly: the reader of standard output, such as head, has gone
-        except (UnreachableError, OSError) as error:
+        except (UnreachableError, httpx.HTTPError, httpx.InvalidURL, OSError) as error:
             if self.token_file and isinstance(error, OSError) and error.filename == str(self.token_file):
                 fail(f"Cannot read the token file {self.token_file}: {error.strerror}. Check --token-file.")
-            fail(f"Cannot connect to the order service. Set --url or NENA_URL.\n{error}")
+            fail(f"Cannot connect to the {server}. Set {options}.\n{error}")
         except KeyboardInterrupt as error:
             raise typer.Exit(0) from error
 

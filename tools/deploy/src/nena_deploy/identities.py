@@ -182,6 +182,7 @@ def _rules_of(identity: Identity, topics: SiteTopics) -> Iterator[str]:
                 yield f"read {scheme.interface_name}/{scheme.major_version}/#"
             yield f"read {topics.prefix}/#"
             yield f"write {fleet.all_recording_answers}"
+            yield f"write {topics.prefix}/acknowledgements/+"
             # To pause all robots while the order service does not answer.
             yield f"write {fleet.direct_stops}"
             yield from (f"write {scheme.of(ANY_ROBOT, Topic.INSTANT_ACTIONS)}" for scheme in topics.schemes)

@@ -38,6 +38,7 @@ def make_router(aggregator: Aggregator, trusted_hosts: tuple[str, ...]) -> APIRo
         done = registry.acknowledge(matter_id, by, aggregator.now().utc)
         missing = f"Nothing with the ID {matter_id!r} needs a person; /api/v1/attention lists what does."
         found = require(done, Rejection.UNKNOWN_MATTER, missing)
+        aggregator.acknowledgements.keep()
         aggregator.publish_changes()
         return as_json(found)
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from itertools import chain
 from typing import Final
 
-from nena_shared.fleet_api.attention import ADVICE, Acknowledgement, Matter, MatterKind
+from nena_shared.fleet_api.attention import Acknowledgement, Matter, MatterChange, MatterKind, advice_on
 from nena_shared.fleet_api.reasons import CodedReason, ReasonCode
+from nena_shared.fleet_api.stops import StopStatus
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.fleet_api.wait_chains import WaitChain
@@ -45,6 +46,7 @@ IF_IN_THE_WAY: Final[Mapping[str, MatterKind]] = {
 """The same for robots that somebody has switched off on purpose: only if an order or other robots wait."""
 
 PATIENCE: Final[Mapping[MatterKind, timedelta]] = {
+    MatterKind.BROKER_LOST: timedelta(seconds=2),  # each start begins without
     MatterKind.PROTECTIVE_FIELD: timedelta(seconds=10),  # people and trucks pass
     MatterKind.CIRCLE: timedelta(seconds=4),  # the order service dissolves most
 }
@@ -72,6 +74,8 @@ class Fleet:
     at: Timestamp
     lost_since: datetime | None
     """Time since which the broker is not connected; None: it is."""
+    direct_stops: Sequence[StopStatus] = ()
+    """Active stops of all robots that the order service does not know yet."""
     behind: dict[tuple[str, ...], list[str]] = field(init=False)
     """Vehicles that wait behind a head, or in and behind a circle."""
     orders_of: dict[str, list[str]] = field(init=False)
@@ -115,12 +119,16 @@ class Fleet:
             robot_count=len(held),
             orders=tuple(affected[:SHOWN]),
             order_count=len(affected),
-            advice=ADVICE[kind].replace("NAME", subject.split(", ", maxsplit=1)[0]),
+            advice=advice_on(kind, subject),
         )
 
 
 def find_matters(fleet: Fleet) -> Iterator[Matter]:
     """Yield everything that needs a person; ``since`` is ``now`` where the time is not known."""
+    if fleet.lost_since:
+        text = "The status aggregator is not connected to the MQTT broker."
+        yield _of_all(fleet, MatterKind.BROKER_LOST, text, fleet.lost_since)
+        return  # nothing else is known
     yield from _of_services(fleet)
     yield from _of_jams(fleet)
     for robot in fleet.robots:
@@ -132,9 +140,6 @@ def find_matters(fleet: Fleet) -> Iterator[Matter]:
 
 def _of_services(fleet: Fleet) -> Iterator[Matter]:
     services = fleet.order_service
-    if fleet.lost_since:
-        text = "The status aggregator is not connected to the MQTT broker."
-        yield _of_all(fleet, MatterKind.BROKER_LOST, text, fleet.lost_since)
     if services.is_up(fleet.at) is False:
         text = "The order service is down: no orders are accepted or assigned."
         yield _of_all(fleet, MatterKind.ORDER_SERVICE_DOWN, text, services.last_sign)
@@ -145,15 +150,26 @@ def _of_services(fleet: Fleet) -> Iterator[Matter]:
         text = " ".join(LACKS[lack] for lack in services.broker_lacks)
         yield fleet.matter(MatterKind.BROKER_LACKS, "", text)
     for stop in services.stops:
-        where = "Robots in an area are" if stop.area else "All robots are"
-        text = f"{where} paused by {stop.by}: {stop.reason}"
         stopped = (v.name for v in _vehicles(fleet) if v.stop and v.stop.name == stop.name)
-        yield fleet.matter(MatterKind.STOP, stop.name, text, since=stop.since, robots=stopped)
+        yield _of_stop(fleet, stop, stopped)
+    known = {stop.name for stop in services.stops}
+    for stop in (each for each in fleet.direct_stops if each.name not in known):
+        yield _of_stop(fleet, stop, (each.vehicle_name for each in fleet.robots if _is_paused(each)))
     if services.locked_paths:
         # The order service knows that locks close a route, but not which of several.
         waiting = [v.name for v in _vehicles(fleet) if ReasonCode.PATH_LOCKED in _codes_of(v)]
         for path in services.locked_paths:
             yield fleet.matter(MatterKind.PATH_LOCKED, path, f"Path {path} is locked.", robots=waiting)
+
+
+def _of_stop(fleet: Fleet, stop: StopStatus, stopped: Iterable[str]) -> Matter:
+    where = "Robots in an area are" if stop.area else "All robots are"
+    text = f"{where} paused by {stop.by}: {stop.reason}"
+    return fleet.matter(MatterKind.STOP, stop.name, text, since=stop.since, robots=stopped)
+
+
+def _is_paused(robot: Robot) -> bool:
+    return robot.reason.code == "paused"
 
 
 def _of_all(fleet: Fleet, kind: MatterKind, text: str, since: datetime | None = None) -> Matter:
@@ -186,7 +202,7 @@ def _of_robot(robot: Robot, fleet: Fleet) -> Iterator[Matter]:
     name = vehicle.name if vehicle else robot.id
     behind, orders = fleet.behind.get((name,), ()), fleet.orders_of.get(name, ())
     kind = BY_REASON.get(robot.reason.code)
-    if kind is None and (behind or orders):
+    if kind is None and (behind or orders) and not (fleet.direct_stops and _is_paused(robot)):
         kind = IF_IN_THE_WAY.get(robot.reason.code)
     if kind is None and vehicle and vehicle.taken_out:
         kind = MatterKind.TAKEN_OUT
@@ -252,34 +268,60 @@ def _of_order(order: TransportOrderStatus, fleet: Fleet) -> Matter | None:
 class AttentionRegistry:
     """The matters of the fleet with the time since which they are known, and who has acknowledged them."""
 
-    def __init__(self) -> None:
+    def __init__(self, on_change: Callable[[MatterChange, Matter], None] = lambda *_: None) -> None:
+        """Start without matters; ``on_change`` receives each change and must not block."""
         self.matters: tuple[Matter, ...] = ()
         """What nobody has acknowledged first, then the most urgent, then what holds up most."""
+        self.acknowledged: dict[str, Acknowledgement] = {}
+        """By the ID of the matter; also restored ones whose matter has not been found yet."""
+        self._on_change = on_change
         self._seen: dict[str, datetime] = {}
         """Time since which each matter is known, by ID; also of those that do not last long enough yet."""
+        self._sought_until: datetime | None = None
+        """Time at which restored acknowledgements without a matter are dropped."""
 
-    def update(self, found: Iterable[Matter], now: datetime) -> None:
-        """Replace the matters; those that were known keep their time and their acknowledgement."""
-        acknowledged = {matter.id: matter.acknowledged for matter in self.matters}
+    def restore(self, acknowledged: Mapping[str, Acknowledgement], until: datetime) -> None:
+        """Take over what was acknowledged before a restart, for matters that are found by a time."""
+        self.acknowledged = {**acknowledged, **self.acknowledged}
+        self._sought_until = until
+
+    def update(self, found: Iterable[Matter], now: datetime, *, keep: bool = False) -> None:
+        """Replace the matters; those that were known keep their time and their acknowledgement.
+
+        ``keep``: what is not found may still be there, because not everything is known.
+        """
+        before = {matter.id: matter for matter in self.matters}
+        every = ({**before} if keep else {}) | {matter.id: matter for matter in found}
         seen: dict[str, datetime] = {}
-        shown: list[Matter] = []
-        for matter in found:
-            since = seen[matter.id] = min(matter.since, self._seen.get(matter.id, matter.since))
+        shown: dict[str, Matter] = {}
+        for name, matter in every.items():
+            since = seen[name] = min(matter.since, self._seen.get(name, matter.since))
             if now - since >= PATIENCE.get(matter.kind, timedelta()):
-                by = acknowledged.get(matter.id)
-                shown.append(matter.model_copy(update={"since": since, "acknowledged": by}))
+                known = {"since": since, "acknowledged": self.acknowledged.get(name)}
+                shown[name] = matter.model_copy(update=known)
         self._seen = seen
-        self._sort(shown)
+        self._sort(shown.values())
+        for name in before.keys() - shown.keys():
+            self.acknowledged.pop(name, None)
+            self._on_change(MatterChange.ENDED, before[name])
+        if self._sought_until and now >= self._sought_until:
+            self.acknowledged = {name: by for name, by in self.acknowledged.items() if name in shown}
+            self._sought_until = None
+        for matter in self.matters:
+            # What was acknowledged before a restart is not new.
+            if matter.id not in before and not matter.acknowledged:
+                self._on_change(MatterChange.BEGAN, matter)
 
     def acknowledge(self, name: str, by: str, at: datetime) -> Matter | None:
         """Acknowledge a matter by its ID and return it; None if there is none. The first name stays."""
-        for matter in self.matters:
-            if matter.id == name:
-                done = matter.acknowledged or Acknowledgement(by=by, at=at)
-                changed = matter.model_copy(update={"acknowledged": done})
-                self._sort(changed if each.id == name else each for each in self.matters)
-                return changed
-        return None
+        matter = next((each for each in self.matters if each.id == name), None)
+        if matter is None or matter.acknowledged:
+            return matter
+        self.acknowledged[name] = Acknowledgement(by=by, at=at)
+        changed = matter.model_copy(update={"acknowledged": self.acknowledged[name]})
+        self._sort(changed if each.id == name else each for each in self.matters)
+        self._on_change(MatterChange.ACKNOWLEDGED, changed)
+        return changed
 
     def _sort(self, matters: Iterable[Matter]) -> None:
         self.matters = tuple(

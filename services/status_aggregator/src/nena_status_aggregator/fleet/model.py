@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import datetime, timedelta
 from math import inf
 from weakref import WeakValueDictionary
 
 from nena_shared.clock import iso
+from nena_shared.fleet_api.attention import Matter, MatterChange
 from nena_shared.fleet_api.peripherals import PeripheralStatus
 from nena_shared.fleet_api.plant import MapImage
 from nena_shared.fleet_api.reasons import explained
@@ -91,6 +92,9 @@ class RobotRegistry:
 ATTENTION_INTERVAL = 0.5
 """Seconds between two searches for what needs a person, which look at the whole fleet."""
 
+SETTLED_AFTER = timedelta(seconds=1)
+"""Time after a connection to the broker by which what it retains has arrived."""
+
 ROOM = 64 * 1024 * 1024
 """Maximum total size of stored images, bytes; as any client may invent robots, further ones are refused."""
 
@@ -138,14 +142,19 @@ class FleetModel:
     by one task; never blocks.
     """
 
-    def __init__(self, limits: ModelLimits, publish: Publish = lambda _: None) -> None:
-        """Start with an empty fleet; ``publish`` receives each event and must not block."""
+    def __init__(
+        self,
+        limits: ModelLimits,
+        publish: Publish = lambda _: None,
+        on_matter: Callable[[MatterChange, Matter], None] = lambda *_: None,
+    ) -> None:
+        """Start with an empty fleet; the functions receive each event and each change, and must not block."""
         self.limits = limits
         self.robots = RobotRegistry(limits.robots, limits.silence)
         self.orders = OrderRegistry(limits.orders, limits.open_orders)
         self.peripherals = PeripheralRegistry(limits.peripherals)
         self.queues = Queues(limits.jam)
-        self.attention = AttentionRegistry()
+        self.attention = AttentionRegistry(on_matter)
         self.order_service = OrderServiceWatch()
         self.statistics = Statistics()
         self._maps = MapCache()
@@ -402,8 +411,11 @@ class FleetModel:
             self.order_service,
             at,
             lost_since=None if self.link_up else self._link_since or at.utc,
+            direct_stops=self.direct_stops,
         )
-        self.attention.update(find_matters(fleet), at.utc)
+        since = self._link_since
+        settled = self.link_up and since is not None and at.utc - since >= SETTLED_AFTER
+        self.attention.update(find_matters(fleet), at.utc, keep=not settled)
 
     def flush(self, at: Timestamp) -> Delta | None:
         """Update all conditions; return the changes since the last call, or None."""

@@ -8,6 +8,7 @@ import { has, plural, t, timeOfDay } from "./i18n.js";
 import { address } from "./router.js";
 import { personField } from "./stops.js";
 
+const SOUND = "nena-sound";
 const OWN_TEXT = ["battery_low", "taken_out"]; // kinds about a robot that its condition may not name
 
 /** Return what a matter is: a few words in the panel's language. */
@@ -73,6 +74,48 @@ class AttentionButton extends HTMLElement {
 
 customElements.define("nena-attention-button", AttentionButton);
 
+/** One short tone for what is new, if switched on. A browser allows sound only once the page was used: the context is made then. */
+class Sound {
+  #audio = null;
+
+  constructor() {
+    this.button = button(t("attention.sound"), () => this.#toggle());
+    this.#show();
+    for (const use of ["pointerdown", "keydown"]) document.addEventListener(use, () => this.#start());
+  }
+
+  get #on() {
+    return localStorage.getItem(SOUND) === "on";
+  }
+
+  #show() {
+    setAttribute(this.button, "aria-pressed", String(this.#on));
+  }
+
+  #start() {
+    if (this.#on) this.#audio ??= new AudioContext();
+  }
+
+  #toggle() {
+    localStorage.setItem(SOUND, this.#on ? "off" : "on");
+    this.#show();
+    this.#start();
+    this.play(); // so that one hears it
+  }
+
+  play() {
+    if (!this.#on || !this.#audio) return;
+    const loudness = this.#audio.createGain();
+    loudness.gain.value = 0.2;
+    loudness.connect(this.#audio.destination);
+    const tone = this.#audio.createOscillator();
+    tone.frequency.value = 880; // Hz
+    tone.connect(loudness);
+    tone.start();
+    tone.stop(this.#audio.currentTime + 0.3);
+  }
+}
+
 /** The list: each matter with what it holds up, what to do, and buttons. */
 class Attention extends HTMLElement {
   #rows = new Map();
@@ -86,8 +129,9 @@ class Attention extends HTMLElement {
     this.by = personField(session);
     this.name = field(t("attention.as"), this.by);
     this.notify = button(t("attention.notify"), async () => (await Notification.requestPermission(), this.#update()));
+    this.sound = new Sound();
     this.list = element("ul", { class: "entries" });
-    this.replaceChildren(element("div", { class: "title" }, this.heading, element("div", { class: "actions" }, this.name, this.notify)), this.list);
+    this.replaceChildren(element("div", { class: "title" }, this.heading, element("div", { class: "actions" }, this.name, this.notify, this.sound.button)), this.list);
     fleet.store.addEventListener("change", () => this.#update());
   }
 
@@ -105,7 +149,9 @@ class Attention extends HTMLElement {
   #tell(attention) {
     const fresh = this.#known && attention.filter(({ id, acknowledged }) => !this.#known.has(id) && !acknowledged);
     this.#known = new Set(attention.map(({ id }) => id));
-    if (!fresh?.length || !("Notification" in window) || Notification.permission !== "granted") return;
+    if (!fresh?.length) return;
+    this.sound.play();
+    if (!("Notification" in window) || Notification.permission !== "granted") return;
     for (const each of fresh) new Notification(`${each.subject} ${labelOf(each, this.fleet.store)}`.trim(), { body: adviceOf(each, this.fleet.store), tag: each.id });
   }
 
@@ -124,13 +170,13 @@ class Attention extends HTMLElement {
     const held = [robotCount && plural("attention.robots", robotCount), orderCount && plural("attention.orders", orderCount)].filter(Boolean);
     const since = t("attention.since", { time: timeOfDay(matter.since) });
     const facts = [since, held.length ? t("attention.holds", { what: held.join(", ") }) : "", acknowledged ? t("attention.by", { by: acknowledged.by }) : ""];
-    return [
+    const text = [
       chip, " ", name, element("span", { class: "detail" }, facts.filter(Boolean).join(" · ")),
       reason.text ? element("p", {}, reason.text) : "",
       reason.foreign ? element("p", {}, foreign("q", reason.foreign)) : "",
       advice ? element("p", { class: "advice" }, advice) : "",
-      this.#buttons(matter),
     ];
+    return [element("div", {}, ...text), this.#buttons(matter)];
   }
 
   #buttons(matter) {

@@ -17,6 +17,7 @@ export const TEXTS = {
   "attention.acknowledge": "Quittieren",
   "attention.by": "quittiert von {by}",
   "attention.notify": "Hier melden",
+  "attention.sound": "Ton",
   "attention.since": "seit {time}",
   "attention.holds": "hält auf: {what}",
   "attention.robots.one": "{count} Roboter",

@@ -17,6 +17,7 @@ export const TEXTS = {
   "attention.acknowledge": "Acknowledge",
   "attention.by": "acknowledged by {by}",
   "attention.notify": "Notify me here",
+  "attention.sound": "Sound",
   "attention.since": "since {time}",
   "attention.holds": "holds up {what}",
   "attention.robots.one": "{count} robot",

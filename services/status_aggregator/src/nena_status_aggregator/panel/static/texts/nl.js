@@ -17,6 +17,7 @@ export const TEXTS = {
   "attention.acknowledge": "Bevestigen",
   "attention.by": "bevestigd door {by}",
   "attention.notify": "Hier melden",
+  "attention.sound": "Geluid",
   "attention.since": "sinds {time}",
   "attention.holds": "houdt op: {what}",
   "attention.robots.one": "{count} robot",
