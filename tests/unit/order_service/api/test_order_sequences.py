@@ -115,11 +115,11 @@ async def test_an_order_waits_for_its_dependencies_and_is_idempotent(
     body = order("T-2", dependencies=["T-1"], onDependencyFailure="IGNORE")
     made = await client.post(ORDERS, json=body)
     assert (made.status_code, made.json()["state"]) == (201, "ACTIVE")
-    assert made.json()["reason"] == "waits until 'T-1' is FINISHED"
+    assert made.json()["reason"] == "waits until 'T-1' is finished"
     assert (await client.post(ORDERS, json=body)).status_code == 200
     assert (await client.post(ORDERS, json={**body, "onDependencyFailure": "FAIL"})).status_code == 409
     await client.post(f"{ORDERS}/T-1/withdrawal")
     assert (await client.get(f"{ORDERS}/T-2")).json()["state"] == "DISPATCHABLE"
     failed = await client.post(ORDERS, json=order("T-3", dependencies=["T-1"]))
     assert (failed.status_code, failed.json()["state"]) == (201, "FAILED")
-    assert failed.json()["reason"] == "order 'T-1', on which it depends, is FAILED"
+    assert failed.json()["reason"] == "order 'T-1', on which it depends, is WITHDRAWN"

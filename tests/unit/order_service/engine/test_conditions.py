@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from nena_order_service.engine.driving import RELOCATION_PAUSE
 from nena_order_service.engine.engine import Engine
 from nena_shared.fleet_api.transport_order import (
+    OrderOutcome,
     OrderSequenceRequest,
     OrderSequenceStatus,
     TransportOrderState,
@@ -58,7 +59,9 @@ class Site:
 
     def create(self, name: str, stop: str = "B", **fields: Any) -> None:
         self.engine.create(
-            request(stop, **fields), name, {each.name: each.state for each in self.ends.values()}
+            request(stop, **fields),
+            name,
+            {each.name: each.outcome for each in self.ends.values() if each.outcome},
         )
 
     def sequence(self, name: str = "S", **fields: Any) -> None:
@@ -120,7 +123,7 @@ async def test_an_order_waits_until_those_that_it_depends_on_are_finished() -> N
     site.create("T-1")
     site.create("T-2", "A", dependencies=["T-1"], priority=9)
     assert site.order("T-2").state is S.ACTIVE
-    assert site.order("T-2").reason == "waits until 'T-1' is FINISHED"
+    assert site.order("T-2").reason == "waits until 'T-1' is finished"
     site.create("T-3", "C")
     site.fleet.finish("V1")
     assert site.state("T-1", "T-2", "T-3") == [S.FINISHED, S.BEING_PROCESSED, S.DISPATCHABLE]
@@ -156,7 +159,7 @@ async def test_a_resumed_order_still_waits_and_reports_why() -> None:
     site.engine.hold(number, "a person", "wait")
     assert site.order("T-2").reason.startswith("held by a person")
     site.engine.resume(number, "a person", "go")
-    assert site.order("T-2").reason == "waits until 'T-1' is FINISHED"
+    assert site.order("T-2").reason == "waits until 'T-1' is finished"
     site.engine.hold(number, "a person", "wait")
     site.fleet.finish("V1")
     assert (site.order("T-2").state, site.order("T-2").reason[:4]) == (S.DISPATCHABLE, "held")
@@ -166,9 +169,28 @@ async def test_a_resumed_order_still_waits_and_reports_why() -> None:
 
 async def test_a_dependency_that_ended_long_ago_is_evaluated_at_once() -> None:
     site = await make(V1="A")
-    site.engine.create(request("B", dependencies=["Old"]), "T-1", {"Old": S.FINISHED})
-    site.engine.create(request("B", dependencies=["Old"]), "T-2", {"Old": S.FAILED})
+    site.engine.create(request("B", dependencies=["Old"]), "T-1", {"Old": OrderOutcome.FINISHED})
+    site.engine.create(request("B", dependencies=["Old"]), "T-2", {"Old": OrderOutcome.FAILED})
     assert site.state("T-1", "T-2") == [S.BEING_PROCESSED, S.FAILED]
+
+
+async def test_what_a_withdrawal_takes_along_is_withdrawn_and_has_not_failed() -> None:
+    """Otherwise the orders behind one that a person withdrew are red, alarm, and count as failures."""
+    site = await make()
+    site.sequence(failureFatal=True)
+    for name in ("T-1", "T-2"):
+        site.create(name, wrappingSequence="S")
+    site.create("T-3", dependencies=["T-2"])
+    site.create("T-4", dependencies=["T-3"])
+    first = site.engine.state.orders.named("T-1")
+    assert first
+    site.engine.withdraw(first.number, "a person")
+    site.fleet.finish("V1")
+    ends = [(site.order(name).state, site.order(name).outcome) for name in ("T-1", "T-2", "T-3", "T-4")]
+    assert ends == [(S.FAILED, OrderOutcome.WITHDRAWN)] * 4
+    assert site.order("T-3").reason == "order 'T-2', on which it depends, is WITHDRAWN"
+    site.engine.create(request("B", dependencies=["Old"]), "T-5", {"Old": OrderOutcome.WITHDRAWN})
+    assert site.order("T-5").outcome is OrderOutcome.WITHDRAWN
 
 
 async def test_orders_of_a_sequence_are_executed_in_order_by_one_vehicle() -> None:
@@ -197,9 +219,7 @@ async def test_orders_of_a_sequence_are_executed_in_order_by_one_vehicle() -> No
     assert "waits for the next order of order sequence 'S'" in site.vehicle("V1").reason
 
     site.create("late", "A", intendedVehicle="V1")
-    assert site.order("late").reason.startswith(
-        "waits for vehicle 'V1', which is bound to order sequence 'S'"
-    )
+    assert site.order("late").reason.startswith("waits for robot 'V1', which is bound to order sequence 'S'")
     site.complete()
     assert site.sequence_status().finished
     assert site.order("late").state is S.BEING_PROCESSED
@@ -234,7 +254,7 @@ async def test_a_sequence_keeps_its_vehicle_whatever_the_failure_policy_says() -
     site.create("T-0", "B", wrappingSequence="S", onFailure=[{"do": "OTHER_VEHICLE"}])
     site.fleet.fail("V1")
     assert site.order("T-0").state is S.FAILED
-    assert "there is no other suitable vehicle" in site.order("T-0").reason
+    assert "there is no other suitable robot" in site.order("T-0").reason
 
 
 async def test_a_sequence_is_for_its_intended_vehicle_only() -> None:
@@ -257,7 +277,7 @@ async def test_sequence_and_dependencies_continue_after_a_restart() -> None:
 
     again = await make(store)
     assert again.state("T-0", "T-3", "T-4") == [S.BEING_PROCESSED, S.ACTIVE, S.ACTIVE]
-    assert again.order("T-4").reason == "waits until 'T-3' is FINISHED"
+    assert again.order("T-4").reason == "waits until 'T-3' is finished"
     assert again.vehicle("V1").order_sequence == "S"
     again.fleet.missions.setdefault(next(iter(site.fleet.missions)), next(iter(site.fleet.missions.values())))
     again.fleet.finish("V1")

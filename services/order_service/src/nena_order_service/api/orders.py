@@ -34,6 +34,7 @@ from nena_shared.fleet_api.transport_order import (
     CreationAnswer,
     DeliveryPhase,
     DeliveryStatus,
+    OrderOutcome,
     OrderSequenceRequest,
     TransportOrderBatch,
     TransportOrderBatchAnswer,
@@ -204,18 +205,16 @@ class OrderOperations:
             await self._check_sequence(complete)
         return order, False
 
-    async def _find_ended_dependencies(
-        self, request: TransportOrderRequest
-    ) -> dict[str, TransportOrderState]:
-        """Return the final states of dependencies; raises UnknownDependencyError."""
-        ended: dict[str, TransportOrderState] = {}
+    async def _find_ended_dependencies(self, request: TransportOrderRequest) -> dict[str, OrderOutcome]:
+        """Return the outcomes of ended dependencies; raises UnknownDependencyError."""
+        ended: dict[str, OrderOutcome] = {}
         unknown: list[str] = []
         for name in request.dependencies:
             order = await self._find_order(name, None)
             if order is None:
                 unknown.append(name)
-            elif order.state.final:
-                ended[name] = order.state
+            elif outcome := order.status.ended_as:
+                ended[name] = outcome
         # 0027: dependencies exist before the order, so there are no cycles to search for.
         if unknown:
             raise errors.UnknownDependencyError(unknown)

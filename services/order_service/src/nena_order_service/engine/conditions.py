@@ -11,6 +11,7 @@ from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained
 from nena_shared.fleet_api.transport_order import (
     DependencyFailure,
     Hold,
+    OrderOutcome,
     OrderSequenceRequest,
     TransportOrderState,
 )
@@ -170,19 +171,17 @@ class Conditions:
         self._clock = context.clock
         self._dependencies = Dependencies()
 
-    def check_new_order(
-        self, order: TransportOrder, ended: Mapping[str, TransportOrderState]
-    ) -> TransportOrder:
+    def check_new_order(self, order: TransportOrder, ended: Mapping[str, OrderOutcome]) -> TransportOrder:
         """Check a new order's dependencies; return the order with its resulting state.
 
-        ``ended`` has the final states of dependencies that are no longer in memory.
+        ``ended`` has the outcomes of dependencies that are no longer in memory.
         """
         for name in order.status.dependencies:
             dependency = self._orders.named(name)
-            state = dependency.state if dependency else ended[name]
-            if state.final and state is not S.FINISHED:
+            outcome = dependency.status.ended_as if dependency else ended[name]
+            if outcome and outcome is not OrderOutcome.FINISHED:
                 # openTCS lets it wait without a reason; here onDependencyFailure decides at once.
-                order = self._failed_dependency(order, name, state)
+                order = self._failed_dependency(order, name, outcome)
                 if order.state.final:
                     return order
         return self.register_order(order)
@@ -203,19 +202,20 @@ class Conditions:
     def _apply_end(self, order: TransportOrder) -> None:
         self._dependencies.remove_waiting(order)
         failed, following = self._sequences.advance_after(order)
+        outcome = order.status.ended_as or OrderOutcome.FAILED
         for member in failed:
             reason = Reason(
                 R.SEQUENCE_FAILED,
                 order.reason,
                 order=order.name,
                 sequence=order.status.wrapping_sequence or "",
-                state=order.state,
+                state=outcome,
             )
-            self._orders.put(member.failed(reason, self._clock.now()))
+            self._orders.put(member.failed(reason, self._clock.now(), outcome))
         for number in self._dependencies.release_dependents(order.name):
             dependent = self._orders.get(number)
             if order.state is not S.FINISHED:
-                dependent = self._failed_dependency(dependent, order.name, order.state)
+                dependent = self._failed_dependency(dependent, order.name, outcome)
             self._put_updated(dependent)
         if following and (successor := self._orders.named(following)):
             self._put_updated(successor)
@@ -232,16 +232,14 @@ class Conditions:
         why = self._dependencies.why_waiting(order) or self._sequences.why_waiting(order)
         return order.waiting(why) if why else order.dispatchable()
 
-    def _failed_dependency(
-        self, order: TransportOrder, name: str, state: TransportOrderState
-    ) -> TransportOrder:
+    def _failed_dependency(self, order: TransportOrder, name: str, outcome: OrderOutcome) -> TransportOrder:
         """Return an order after the failure of a dependency, as its onDependencyFailure requires."""
         if order.state.final:
             return order
-        reason = Reason(R.DEPENDENCY_ENDED, order=name, state=state)
+        reason = Reason(R.DEPENDENCY_ENDED, order=name, state=outcome)
         match order.status.on_dependency_failure:
             case DependencyFailure.FAIL:
-                return order.failed(reason, self._clock.now())
+                return order.failed(reason, self._clock.now(), outcome)
             case DependencyFailure.HOLD if not order.status.held:
                 now = self._clock.now()
                 return order.on_hold(Hold(by=HOLDER, since=now, **explained(reason)), now)

@@ -43,8 +43,8 @@ from nena_shared.fleet_api.peripherals import (
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.stops import DirectStop, StopRequest
 from nena_shared.fleet_api.transport_order import (
+    OrderOutcome,
     TransportOrderRequest,
-    TransportOrderState,
 )
 from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel, ReroutingType
 from nena_shared.histogram import SHORT, Histogram
@@ -263,7 +263,7 @@ class Engine:
         self,
         request: TransportOrderRequest,
         name: str,
-        ended: Mapping[str, TransportOrderState] | None = None,
+        ended: Mapping[str, OrderOutcome] | None = None,
         by: str | None = None,
     ) -> TransportOrder:
         """Create an order from a validated request; see :meth:`LifeCycle.create_order`."""

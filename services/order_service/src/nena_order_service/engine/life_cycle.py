@@ -38,6 +38,7 @@ from nena_shared.fleet_api.transport_order import (
     DriveOrderState,
     FailureMeasure,
     Hold,
+    OrderOutcome,
     TransportOrderRequest,
     TransportOrderState,
 )
@@ -108,7 +109,7 @@ class LifeCycle:
         self,
         request: TransportOrderRequest,
         name: str,
-        ended: Mapping[str, TransportOrderState] | None = None,
+        ended: Mapping[str, OrderOutcome] | None = None,
         *,
         automatic: bool = False,
         by: str | None = None,

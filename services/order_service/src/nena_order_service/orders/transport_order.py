@@ -390,15 +390,21 @@ class TransportOrder:
             current_drive_order_index=len(drive_orders) - 1,
         )
 
-    def failed(self, reason: Reason, now: datetime) -> Self:
-        """Fail the order; its unfinished drive orders fail as well."""
+    def failed(self, reason: Reason, now: datetime, cause: OrderOutcome | None = None) -> Self:
+        """Fail the order; its unfinished drive orders fail as well.
+
+        ``cause`` is the outcome of another order that takes it along: with a withdrawn one, it is withdrawn.
+        """
         drive_orders = tuple(
             order
             if order.state is DriveOrderState.FINISHED
             else order.model_copy(update={"state": DriveOrderState.FAILED})
             for order in self.status.drive_orders
         )
-        return self._end_in(S.FAILED, reason, now, drive_orders=drive_orders)
+        outcome = self._outcome_in(S.FAILED, reason)
+        if cause is OrderOutcome.WITHDRAWN and outcome.failure:
+            outcome = cause
+        return self._end_in(S.FAILED, reason, now, drive_orders=drive_orders, outcome=outcome)
 
     def withdrawn(self, reason: Reason | str, now: datetime) -> Self:
         """Withdraw the order: it fails at once, or once the vehicle that works on it has released it."""
@@ -556,11 +562,10 @@ class TransportOrder:
             reason,
             entry,
             finished=now,
-            outcome=self._outcome_in(state, reason),
             late=late,
             held=None,
             next_try=None,
-            **changes,
+            **{"outcome": self._outcome_in(state, reason), **changes},
         )
 
     def _outcome_in(self, state: TransportOrderState, reason: Reason) -> OrderOutcome:
