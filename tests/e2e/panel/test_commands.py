@@ -102,7 +102,7 @@ async def test_an_order_is_created_watched_to_its_end_and_read_about(
         await button(page, "Add destination").click()
         await form.get_by_label("Place").nth(1).select_option("Storage")
         await form.get_by_label("Operation").nth(1).select_option("Unload cargo")
-        await form.get_by_label("Vehicle").select_option("Robot-01")
+        await form.get_by_label("Robot").select_option("Robot-01")
         await form.get_by_label("Name").fill("Pallet-1")
         await expect(page.get_by_text("1 Idle")).to_be_visible()
         await picture(page, "new-order")
@@ -452,7 +452,7 @@ async def test_reasons_of_the_order_service_are_in_the_language_of_the_panel(
                 "/v1/transportOrders", json={"name": name, "destinations": [stop]}
             )
             assert answer.status_code == 201
-        await is_in_german("first", "Fahrzeug Robot-01 fährt zum Ziel 1 von 1", "einziges freies Fahrzeug")
+        await is_in_german("first", "Roboter Robot-01 fährt zum Ziel 1 von 1", "einziger freier Roboter")
         await is_in_german("second", "jedes davon: nie verbunden oder führt einen anderen Auftrag aus")
         await button(page, "Anhalten").click()
         await is_in_german("second", "am Leitstand angehalten")

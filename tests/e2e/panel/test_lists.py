@@ -388,8 +388,8 @@ async def test_phone_shows_robots_that_need_attention_then_the_search(
     ("language", "words"),
     [
         ("en-GB", ("Vehicle-1 drives to Goods in.", "Waits for a free vehicle.", "Held by Anna", "drives")),
-        ("de-DE", ("Goods in: Load (unterwegs)", "Wartet auf ein Fahrzeug.", "(Anna) seit", "Pausiert.")),
-        ("nl-NL", ("Goods in: Load (onderweg)", "Wacht op een voertuig.", "door Anna sinds", "Gepauzeerd.")),
+        ("de-DE", ("Goods in: Load (unterwegs)", "Wartet auf einen Roboter.", "(Anna) seit", "Pausiert.")),
+        ("nl-NL", ("Goods in: Load (onderweg)", "Wacht op een robot.", "door Anna sinds", "Gepauzeerd.")),
     ],
 )
 async def test_status_of_an_order_is_in_the_language_of_the_panel(

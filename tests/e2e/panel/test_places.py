@@ -59,9 +59,9 @@ async def test_a_path_is_locked_and_a_robot_sent_from_the_map(
         await click_on(page, 3, 7)
         await expect(shown.locator("h2")).to_have_text("Middle 1")
         form = page.get_by_role("form", name="Send a robot here")
-        await form.get_by_label("Vehicle").select_option("Robot-01")
+        await form.get_by_label("Robot").select_option("Robot-01")
         await click_on(page, 6, 2)  # does not close a form with input
-        await expect(form.get_by_label("Vehicle")).to_have_value("Robot-01")
+        await expect(form.get_by_label("Robot")).to_have_value("Robot-01")
         await form.get_by_role("button").click()
         await expect(form).to_contain_text("created")
         name = (await orders.get("/v1/transportOrders")).json()["transportOrders"][0]["name"]
@@ -112,9 +112,7 @@ async def test_the_maps_menu_begins_commands_of_robots_and_places(
         await expect(page.locator("nena-place-page .chip")).to_have_text("Path")
         await click_on(page, 3, 7, button="right")
         await menu.get_by_role("menuitem", name="Send a robot here").click()
-        await expect(
-            page.get_by_role("form", name="Send a robot here").get_by_label("Vehicle")
-        ).to_be_focused()
+        await expect(page.get_by_role("form", name="Send a robot here").get_by_label("Robot")).to_be_focused()
         await a_robots_level_is_set(page, orders)
 
 

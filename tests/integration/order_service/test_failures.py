@@ -93,7 +93,7 @@ async def test_a_late_order_is_cancelled_at_the_robot(fleet: Fleet, service: Sta
 
     late = await order_in(client, "T", "FAILED")
     assert "timeout: not done within 2 s" in late["reason"]
-    assert "the vehicle has released it" in late["reason"]
+    assert "the robot has released it" in late["reason"]
     assert "cancelOrder" in instant_actions(wire)
     await vehicle_idle(client)
 

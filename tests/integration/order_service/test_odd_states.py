@@ -339,7 +339,7 @@ async def test_a_robot_far_from_every_point_gets_no_order(
         first_legs = [
             each for entry in done["history"] for each in entry["supplements"] if "straight" in each
         ]
-        assert first_legs == ["it is the intended vehicle; it first drives 3.0 m straight to 'B'"]
+        assert first_legs == ["it is the intended robot; it first drives 3.0 m straight to 'B'"]
 
 
 async def test_the_distance_is_a_setting(fleet: Fleet, service: Start) -> None:

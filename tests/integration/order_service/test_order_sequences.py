@@ -57,7 +57,7 @@ async def test_killed_during_a_sequence_the_same_robot_executes_the_rest_in_orde
     await created(client, "after", AWAY, dependencies=["T-1"])
     await order_in(client, "T-1", "BEING_PROCESSED")
     vehicle = (await sequence(client, "S"))["processingVehicle"]
-    assert (await order_in(client, "after", "ACTIVE"))["reason"] == "waits until 'T-1' is FINISHED"
+    assert (await order_in(client, "after", "ACTIVE"))["reason"] == "waits until 'T-1' is finished"
     program.kill()
 
     client = await site.order_service(name="again").client()

@@ -15,7 +15,7 @@ from nena_client import Event
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from support.fleet_examples import vehicle_status
 
-REASON = "vehicle AMR-1 travels to destination 2 of 2, but it waits for AMR-5, which passes 'Middle 5' first"
+REASON = "robot AMR-1 travels to destination 2 of 2, but it waits for AMR-5, which passes 'Middle 5' first"
 
 
 def shown(table: Table, width: int = 80) -> list[str]:

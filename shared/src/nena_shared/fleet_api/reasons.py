@@ -218,6 +218,15 @@ class ReasonCode(StrEnum):
     NO_ROUTE_ANYWHERE = auto()
     FOR_VEHICLE = auto()
     WITHOUT_NAMES = auto()
+    WAY_MISSING = auto()
+    WAY_LOCKED = auto()
+    WAY_ONE_WAY = auto()
+    WAY_NO_SPEED = auto()
+    WAY_OTHER_TYPES = auto()
+    WAY_LOW = auto()
+    WAY_OTHER_MAP = auto()
+    WAY_BY_COST = auto()
+    WAY_NEEDED = auto()
     NO_ACCESS_POINT = auto()
     CHOSEN_LATER = auto()
     NOTHING_AHEAD = auto()
@@ -331,9 +340,8 @@ class ReasonCode(StrEnum):
     NO_PARKING_POSITIONS = auto()
     PARKING_BARRED = auto()
     NO_PARKING_FREE = auto()
-    RECHARGE_UNREACHABLE = auto()
+    ASSIGNED_RECHARGE = auto()
     NO_RECHARGE_LOCATION = auto()
-    ASSIGNED_RECHARGE_TAKEN = auto()
     RECHARGE_TAKEN = auto()
 
     # Peripheral jobs
@@ -501,5 +509,5 @@ def explained(reason: Reason | str | None) -> dict[str, Any]:
 
 def reason_of(error: Exception) -> Reason:
     """Return the reason that an error was raised with; of other errors, the text."""
-    first = error.args[0] if error.args else ""
+    first = getattr(error, "reason", None) or (error.args[0] if error.args else "")
     return first if isinstance(first, Reason) else Reason.of(str(error))

@@ -138,7 +138,7 @@ def test_intended_vehicle_is_waited_for_and_named() -> None:
     order = dispatchable_order(intended_vehicle="V-2")
     decisions = decide([order], [*vehicles(V1=""), DispatchedVehicle("V-2", OFFLINE)], Told({"V1": 1}))
     assert pairs(decisions) == {}
-    assert reasons(decisions) == {"T-1": "waits for vehicle 'V-2', which is offline"}
+    assert reasons(decisions) == {"T-1": "waits for robot 'V-2', which is offline"}
 
 
 def test_a_load_excludes_only_orders_that_start_with_another_pick() -> None:
@@ -147,12 +147,12 @@ def test_a_load_excludes_only_orders_that_start_with_another_pick() -> None:
     decisions = decide(orders, [loaded], Told({"V1": 1}))
     assert pairs(decisions) == {"T-2": "V1"}
     assert reasons(decisions) == {
-        "T-1": "waits for a vehicle: each of them carries a load and has no room for another one"
+        "T-1": "waits for a robot: each of them carries a load and has no room for another one"
     }
 
 
 def test_reason_names_each_kind_of_obstacle_once_and_stays_the_same() -> None:
-    reason = f"waits for a vehicle: each of them is offline or {BUSY}"
+    reason = f"waits for a robot: each of them is offline or {BUSY}"
     fleet = vehicles(a="is offline", b=BUSY, c="is offline")
     assert reasons(decide([dispatchable_order()], fleet, Told())) == {"T-1": reason}
     assert reasons(decide([dispatchable_order()], [*fleet, *vehicles(d=BUSY)], Told())) == {"T-1": reason}
@@ -167,7 +167,7 @@ def test_a_reason_does_not_grow_with_the_fleet() -> None:
 
 def test_unreachable_destination_is_the_reason() -> None:
     decisions = decide([dispatchable_order()], vehicles(V1=""), Told())
-    assert str(decisions.reasons["T-1"]) == "waits: vehicle 'V1' has no route: No route for T-1 and V1."
+    assert str(decisions.reasons["T-1"]) == "waits: robot 'V1' has no route: No route for T-1 and V1."
 
 
 def test_an_order_without_a_route_does_not_hide_why_others_wait() -> None:
@@ -175,7 +175,7 @@ def test_an_order_without_a_route_does_not_hide_why_others_wait() -> None:
     decisions = decide(orders, vehicles(V1=""), Told({("T-2", "V1"): 1}), choosers=Chooser.ORDERS)
     assert pairs(decisions) == {"T-2": "V1"}
     assert "'V1' has no route" in str(decisions.reasons["T-1"])
-    assert str(decisions.reasons["T-3"]) == f"waits for a vehicle: each of them {BUSY}"
+    assert str(decisions.reasons["T-3"]) == f"waits for a robot: each of them {BUSY}"
 
 
 def test_fleet_without_vehicles_is_said() -> None:
@@ -190,7 +190,7 @@ def test_an_unsuitable_vehicle_is_skipped_with_a_reason() -> None:
     picky = DispatchedVehicle("picky", order_types=(AcceptableOrderType(name="Transport"),))
     assert pairs(decide(orders, [picky, *vehicles(other="")], told)) == {"T-1": "other"}
     reason = decide(orders, [picky, *vehicles(other=BUSY)], told).reasons["T-1"]
-    assert str(reason) == f"waits for a vehicle: each of them accepts no orders of type 'Hazardous' or {BUSY}"
+    assert str(reason) == f"waits for a robot: each of them accepts no orders of type 'Hazardous' or {BUSY}"
 
 
 def test_orders_of_another_kind_do_not_wait_for_the_reason_of_one_kind() -> None:
@@ -206,7 +206,7 @@ def test_a_vehicle_without_energy_takes_orders_to_recharge_only() -> None:
     orders = [dispatchable_order(number=1), dispatchable_order("Dock:Charge", number=2)]
     decisions = decide(orders, [low], Told({"low": 1}))
     assert pairs(decisions) == {"T-2": "low"}
-    assert reasons(decisions) == {"T-1": f"waits for a vehicle: each of them {LOW}"}
+    assert reasons(decisions) == {"T-1": f"waits for a robot: each of them {LOW}"}
 
 
 def test_a_dispensable_order_gives_way_to_others_but_not_to_dispensable_ones() -> None:
@@ -229,7 +229,7 @@ def test_a_vehicle_reserved_for_an_order_executes_it_first() -> None:
 def test_an_order_with_a_reserved_vehicle_waits_for_no_other() -> None:
     fleet = vehicles(V1="ends a dispensable order first", V2="")
     decisions = decide([dispatchable_order()], fleet, Told({"V1": 1, "V2": 1}), {1: "V1"})
-    assert reasons(decisions) == {"T-1": "waits for vehicle 'V1', which ends a dispensable order first"}
+    assert reasons(decisions) == {"T-1": "waits for robot 'V1', which ends a dispensable order first"}
 
 
 def test_scarce_vehicles_choose_first() -> None:
@@ -423,7 +423,7 @@ def test_an_unintended_vehicle_names_the_intended_one() -> None:
     order = dispatchable_order(intended_vehicle="near")
     said = {each.vehicle: str(each.reason) for each in explain_fits(order, FLEET, TOLD)}
     assert said["near"] == str(COULD)
-    assert said["far"] == "is not 'near', the intended vehicle"
+    assert said["far"] == "is not 'near', the intended robot"
     kept = {
         each.vehicle: str(each.reason)
         for each in explain_fits(dispatchable_order(), FLEET, TOLD, kept={1: "far"})

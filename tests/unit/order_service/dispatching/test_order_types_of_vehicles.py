@@ -38,7 +38,7 @@ async def test_an_order_waits_until_its_type_is_accepted_also_after_a_restart() 
     engine.create(request("B", type="Transport"), "T")
     engine.run_checks()
     said = "accepts no orders of type 'Transport', only 'Charge', 'Park'"
-    assert status_of(engine, "T").reason == f"waits for a vehicle: each of them {said}"
+    assert status_of(engine, "T").reason == f"waits for a robot: each of them {said}"
     assert "no waiting order suits it" in engine.reporter.vehicle_status(vehicle).reason
 
     engine.accept_order_types(vehicle, ())
@@ -54,7 +54,7 @@ async def test_an_intended_vehicle_that_does_not_accept_the_type_is_named() -> N
     engine, _ = await make(MemoryStore())
     engine.create(request("B", intendedVehicle="V1"), "T")
     assert status_of(engine, "T").reason.startswith(
-        "waits for vehicle 'V1', which accepts no orders of type '-'"
+        "waits for robot 'V1', which accepts no orders of type '-'"
     )
 
 

@@ -11,9 +11,9 @@ def test_an_order_reports_what_it_waits_for_while_it_waits() -> None:
     dependencies = Dependencies()
     order = raw_order(number=9)
     dependencies.add_waiting(order, ["B", "A"])
-    assert str(dependencies.why_waiting(order)) == "waits until 'A', 'B' are FINISHED"
+    assert str(dependencies.why_waiting(order)) == "waits until 'A', 'B' are finished"
     assert dependencies.release_dependents("A") == (9,)
-    assert str(dependencies.why_waiting(order)) == "waits until 'B' is FINISHED"
+    assert str(dependencies.why_waiting(order)) == "waits until 'B' is finished"
     assert dependencies.release_dependents("B") == (9,)
     assert dependencies.why_waiting(order) is None
     assert dependencies.release_dependents("B") == ()
@@ -24,7 +24,7 @@ def test_many_are_counted_not_named() -> None:
     dependencies.add_waiting(raw_order(), [f"T-{number}" for number in range(2, 9)])
     assert (
         str(dependencies.why_waiting(raw_order()))
-        == "waits until 'T-2', 'T-3', 'T-4' and 4 more are FINISHED"
+        == "waits until 'T-2', 'T-3', 'T-4' and 4 more are finished"
     )
 
 

@@ -62,7 +62,7 @@ async def test_a_vehicle_that_kept_a_load_drops_it_before_it_picks_up_another_on
     order = engine.state.orders.named("T")
     assert order
     carries = "carries a load and has no room for another one"
-    assert order.status.reason == f"waits for vehicle 'V1', which {carries}"
+    assert order.status.reason == f"waits for robot 'V1', which {carries}"
     assert [str(each.reason) for each in engine.dispatching.explain(order) if each.vehicle == "V1"] == [
         carries
     ]
@@ -167,7 +167,7 @@ async def test_configured_keys_decide_which_vehicle_is_chosen() -> None:
     assert fleet.sent[0][0] == "V2"
     order = engine.state.orders.named("T")
     assert order
-    assert "first by BY_ENERGY_LEVEL of 2 free vehicles" in str(order.status.history)
+    assert "first by BY_ENERGY_LEVEL of 2 free robots" in str(order.status.history)
 
 
 async def test_a_state_that_changes_nothing_starts_no_decision(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -198,7 +198,7 @@ async def test_a_new_link_to_the_broker_offers_an_order_to_the_whole_fleet_at_on
     fleet.out_of_order.clear()
     engine.on_events(BrokerLinkChanged(), RobotChanged(next(iter(engine.registry)).key))
     reasons = [text for each in status_of(engine, "T").history for text in each.supplements]
-    assert any("of 2 free vehicles" in each for each in reasons), reasons
+    assert any("of 2 free robots" in each for each in reasons), reasons
 
 
 async def test_after_a_long_decision_the_next_one_waits_and_assigns_the_urgent_order(

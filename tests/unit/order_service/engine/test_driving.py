@@ -189,7 +189,7 @@ async def test_a_robot_waits_for_resources_of_another_with_a_reason() -> None:
 
     fleet.finish("V2")
     assert [base(vda_order) for _, vda_order in fleet.extended] == [["A", "B", "C"]]
-    assert reason(engine, "T-1") == "vehicle V1 travels to destination 1 of 1"
+    assert reason(engine, "T-1") == "robot V1 travels to destination 1 of 1"
 
 
 async def test_a_robot_that_rests_in_the_way_makes_room_without_an_order() -> None:
@@ -257,7 +257,7 @@ async def test_unsent_orders_are_withdrawn_at_once() -> None:
 
     engine.withdraw(order.number, "no longer wanted")
 
-    assert reason(engine, "T-1") == "withdrawn before the vehicle had started: no longer wanted"
+    assert reason(engine, "T-1") == "withdrawn before the robot had started: no longer wanted"
     assert (
         engine.reporter.vehicle_status(engine.registry.discover(key("V1"))).reason
         == "idle: no waiting orders"
@@ -327,7 +327,7 @@ async def test_a_robot_sent_to_a_coordinate_far_from_all_points_goes_on_from_the
     destinations = [{"coordinate": {"x": 0.0, "y": 40.0}, "operation": "MOVE"}, {"locationName": "C"}]
     engine.create(TransportOrderRequest.model_validate({"destinations": destinations}), "T-1")
     at(20.0, "A")
-    assert reason_of(engine) == "vehicle V1 travels to destination 1 of 2"
+    assert reason_of(engine) == "robot V1 travels to destination 1 of 2"
 
     at(40.0, "A")
     fleet.finish("V1")

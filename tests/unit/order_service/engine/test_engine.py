@@ -124,14 +124,14 @@ async def test_order_with_a_lost_robot_reports_it_until_it_returns(
     ear = Ear()
     engine.unit_of_work.listeners.append(ear)
     fleet.hinder("V1", "the robot has lost its connection to the broker")
-    lost = "vehicle V1 travels to destination 1 of 1, but the robot has lost its connection to the broker"
+    lost = "robot V1 travels to destination 1 of 1, but the robot has lost its connection to the broker"
     assert now(engine, order).reason == lost
     assert [status.reason for status in ear.orders] == [lost]
     assert ear.vehicles[-1].reason == lost
     fleet.hinder("V1", "the robot has lost its connection to the broker")
     assert len(ear.orders) == 1
     fleet.hinder("V1", "")
-    assert now(engine, order).reason == "vehicle V1 travels to destination 1 of 1"
+    assert now(engine, order).reason == "robot V1 travels to destination 1 of 1"
 
 
 async def test_robot_that_does_not_accept_the_vda_order_fails_the_order(
@@ -192,7 +192,7 @@ async def test_vehicle_with_a_changed_reason_is_published_once(engine: Engine, f
 
 async def test_robot_that_appears_gets_its_waiting_order(engine: Engine, fleet: ScriptedFleet) -> None:
     order = engine.create(request("B", intendedVehicle="V2"), "T")
-    assert now(engine, order).reason == "waits for vehicle 'V2', which is offline"
+    assert now(engine, order).reason == "waits for robot 'V2', which is offline"
     fleet.appear("V2", "D")
     assert now(engine, order).processing_vehicle == "V2"
 

@@ -57,7 +57,7 @@ def test_an_exhausted_or_empty_policy_fails() -> None:
         (Situation(K.DRIVE, other_way=False), M.REPLAN, "no other route"),
         (Situation(K.DRIVE, carrying=True), M.OTHER_VEHICLE, "carries a load"),
         (Situation(K.NOT_TAKEN, online=False), M.OTHER_VEHICLE, "silent"),
-        (Situation(K.DRIVE, others=False), M.OTHER_VEHICLE, "no other suitable vehicle"),
+        (Situation(K.DRIVE, others=False), M.OTHER_VEHICLE, "no other suitable robot"),
         (Situation(K.DRIVE), M.SKIP, "no operation has failed"),
         (Situation(K.UNCLEAR), M.RETRY, "unknown"),
         (Situation(K.LOST, begun=True), M.RETRY, "unknown"),

@@ -103,7 +103,7 @@ async def test_another_vehicle_continues_and_the_first_never_gets_the_order_agai
     assert status_of(engine).current_drive_order_index == 1
     fleet.fail("V2")
     assert status_of(engine).state is S.FAILED
-    assert "no other suitable vehicle" in status_of(engine).reason
+    assert "no other suitable robot" in status_of(engine).reason
 
 
 async def test_a_loaded_vehicle_keeps_its_order() -> None:

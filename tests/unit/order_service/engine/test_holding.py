@@ -92,7 +92,7 @@ async def test_resuming_reports_an_interrupted_operation() -> None:
     fleet.confirm_cancel("V1")
     held = status_of(engine).held
     assert held
-    assert "since then: the vehicle was stopped during its operation" in held.reason
+    assert "since then: the robot was stopped during its operation" in held.reason
 
 
 async def test_a_gentle_hold_ends_where_the_base_does() -> None:
@@ -136,7 +136,7 @@ async def test_a_failure_during_a_hold_is_reported_and_waits() -> None:
     assert status_of(engine).state is S.BEING_PROCESSED
     assert status_of(engine).reason.endswith("tea; since then: wheel lost: FATAL wheel")
     engine.withdraw(order.number, "not wanted")
-    assert status_of(engine).reason == "withdrawn before the vehicle had started: not wanted"
+    assert status_of(engine).reason == "withdrawn before the robot had started: not wanted"
 
 
 async def test_a_held_robot_keeps_its_position_and_others_report_why_they_wait() -> None:

@@ -99,7 +99,7 @@ async def test_parking_gives_way_to_a_waiting_order() -> None:
 
     waiting = engine.state.orders.named("T")
     assert waiting
-    assert waiting.status.reason == "waits for vehicle 'V1', which ends a dispensable order first"
+    assert waiting.status.reason == "waits for robot 'V1', which ends a dispensable order first"
     assert engine.state.orders.get(park.number).state is S.WITHDRAWN
     assert "gives way to order T" in engine.state.orders.get(park.number).status.reason
     assert fleet.cancelled == []

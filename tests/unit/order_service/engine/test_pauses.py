@@ -39,4 +39,4 @@ async def test_a_robot_whose_first_state_does_not_locate_it_is_waited_for() -> N
 
     fleet.appear("V1", "A")
     assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0"]
-    assert status_of(engine).reason == "vehicle V1 travels to destination 1 of 1"
+    assert status_of(engine).reason == "robot V1 travels to destination 1 of 1"

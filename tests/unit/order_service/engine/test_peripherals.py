@@ -584,7 +584,7 @@ async def test_an_order_ends_after_the_required_operation_of_its_last_movement(
     order = status_of(site.engine, "T-1")
     assert order.state is TransportOrderState.BEING_PROCESSED
     assert order.reason == (
-        "vehicle V1 completed destination 1 of 1, but it waits for peripheral 'Door' to acknowledge 'close'"
+        "robot V1 completed destination 1 of 1, but it waits for peripheral 'Door' to acknowledge 'close'"
     )
 
     location, asked = site.door.asked[-1]
@@ -651,7 +651,7 @@ async def test_the_job_of_a_device_that_becomes_unavailable_is_sent_again_when_i
     site.engine.on_device_state("Door", PeripheralState.UNAVAILABLE)
     site.clock.advance(60.0)
     site.engine.run_checks()
-    assert status_of(site.engine, "T-1").reason.startswith("vehicle V1 travels")
+    assert status_of(site.engine, "T-1").reason.startswith("robot V1 travels")
     assert site.fleet.finish("V1")
     assert status_of(site.engine, "T-1").reason.endswith("within 60 s; it reports UNAVAILABLE")
 

@@ -67,8 +67,10 @@ def test_nearest_free_location_is_taken_by_its_nearest_point() -> None:
 def test_assigned_location_is_the_only_one_and_the_preferred_one_goes_first() -> None:
     assert choose(requests=route_request(ASSIGNED_RECHARGE_LOCATION, "far")).location == "far"
     taken = choose(["C"], requests=route_request(ASSIGNED_RECHARGE_LOCATION, "far"))
-    assert taken == Recharging(reason=Reason(ReasonCode.ASSIGNED_RECHARGE_TAKEN, location="far"))
-    assert "cannot recharge at" in str(
+    assert taken == Recharging(
+        reason=Reason(ReasonCode.ASSIGNED_RECHARGE, Reason(ReasonCode.IS_TAKEN), location="far")
+    )
+    assert "cannot be reached" in str(
         choose(requests=route_request(ASSIGNED_RECHARGE_LOCATION, "coil")).reason
     )
     assert choose(requests=route_request(PREFERRED_RECHARGE_LOCATION, "far")).location == "far"

@@ -213,7 +213,7 @@ async def test_an_order_stays_with_its_renamed_robot(plant: PlantModel) -> None:
     assert [robot for robot, _ in fleet.sent] == ["V1"]
     fleet.finish("V1")
     assert status_of(engine, "T-1").state is S.FINISHED
-    assert status_of(engine, "T-1").reason == f"done by vehicle {now_called}"
+    assert status_of(engine, "T-1").reason == f"done by robot {now_called}"
 
 
 async def test_an_order_of_a_removed_vehicle_is_held_and_ends() -> None:
@@ -228,7 +228,7 @@ async def test_an_order_of_a_removed_vehicle_is_held_and_ends() -> None:
     assert fleet.cancelled == ["V1"]
     fleet.confirm_cancel("V1")
     assert status_of(engine, "T-1").state is S.FAILED
-    assert status_of(engine, "T-1").reason == "vehicle 'V1' no longer exists"
+    assert status_of(engine, "T-1").reason == "robot 'V1' no longer exists"
 
 
 async def test_an_unsent_order_is_not_executed_by_a_robot_with_another_order() -> None:
@@ -324,5 +324,5 @@ async def test_dependents_of_a_lost_order_fail_with_it() -> None:
 
     again = await make_engine(PLANT, store, ScriptedFleet({}))
 
-    assert status_of(again, "T-1").reason == "the VDA order of the vehicle is unreadable"
+    assert status_of(again, "T-1").reason == "the VDA order of the robot is unreadable"
     assert status_of(again, "T-2").state is S.FAILED

@@ -38,7 +38,7 @@ async def test_an_order_that_takes_too_long_is_cancelled_at_the_robot() -> None:
     fleet.confirm_cancel("V1")
     assert status_of(engine).state is S.FAILED
     assert status_of(engine).reason == (
-        "withdrawn: timeout: not done within 60 s of its creation; the vehicle has released it"
+        "withdrawn: timeout: not done within 60 s of its creation; the robot has released it"
     )
     assert status_of(engine).outcome is OrderOutcome.FAILED, "nobody wanted its end"
 

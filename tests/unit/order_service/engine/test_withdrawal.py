@@ -44,7 +44,7 @@ async def test_an_immediate_withdrawal_overrides_a_gentle_one() -> None:
     assert fleet.cancelled == ["V1"]
     fleet.confirm_cancel("V1")
 
-    assert reason(engine, number) == "FAILED: withdrawn: not wanted; the vehicle has released it"
+    assert reason(engine, number) == "FAILED: withdrawn: not wanted; the robot has released it"
     assert outcome(engine, number) is OrderOutcome.WITHDRAWN
 
 
@@ -63,4 +63,4 @@ async def test_a_vda_order_that_finished_anyway_ends_a_withdrawn_order() -> None
     engine.withdraw(number, "not wanted")
     fleet.finish("V1")
 
-    assert reason(engine, number).endswith("not wanted; the vehicle had finished its base")
+    assert reason(engine, number).endswith("not wanted; the robot had finished its base")

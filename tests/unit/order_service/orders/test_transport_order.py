@@ -115,7 +115,7 @@ def test_failure_keeps_what_was_done_and_says_why() -> None:
 def test_a_withdrawn_order_waits_for_its_vehicle_and_says_why() -> None:
     assert dispatchable_order().withdrawn("not needed", NOW).state is S.FAILED, "no vehicle has it"
     order = assigned_order("A", "B").withdrawn("not needed", NOW)
-    waits = "not needed; waiting for vehicle V-1 to release it"
+    waits = "not needed; waiting for robot V-1 to release it"
     assert (order.state, order.status.reason) == (S.WITHDRAWN, waits)
     assert order.operating(0, NOW).drive_order_finished(0, NOW).status.reason == waits
     silent = order.with_wait_reason(Reason.of("the robot is silent"))
@@ -302,7 +302,7 @@ def test_a_resumed_order_has_all_its_retries_again() -> None:
     order = order.on_hold(HOLD, NOW).resumed("Bob", "go", NOW)
 
     assert (order.held, order.current.measures_taken) == (False, 0)
-    assert order.status.reason == "vehicle V-1 travels to destination 1 of 1"
+    assert order.status.reason == "robot V-1 travels to destination 1 of 1"
 
 
 def test_an_ended_order_cannot_be_held() -> None:

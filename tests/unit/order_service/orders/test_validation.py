@@ -88,7 +88,7 @@ def test_locked_and_unlinked_locations_are_refused() -> None:
         check_request(request("Storage:NOP", "Packing:NOP"), changed, ())
     assert [str(finding.text).split(": ")[1].split(";")[0] for finding in caught.value.findings] == [
         "location 'Storage' is locked",
-        "location 'Packing' has no link to a point, so no vehicle can reach it.",
+        "location 'Packing' has no link to a point, so no robot can reach it.",
     ]
 
 

@@ -185,7 +185,7 @@ def test_a_vehicle_is_not_sent_where_it_is_too_large() -> None:
     assert router.route("A", "D").points == ("A", "B", "D")
     assert router.route("A", "D", vehicle=WIDE).points == ("A", "C", "D")
     assert router.route("B", "D", vehicle=WIDE).points == ("B", "D")
-    with pytest.raises(NoRouteError, match="size"):
+    with pytest.raises(NoRouteError, match="the cost of path"):
         router.route("A", "B", vehicle=WIDE)
     assert Router(model).route("A", "B", vehicle=WIDE).points == ("A", "B")
 

@@ -2,7 +2,15 @@ import pytest
 
 from nena_order_service.routing.graph import NoRouteError, hops, travel_time
 from nena_order_service.routing.router import Router
-from nena_shared.plant import Link, Location, LocationType, Orientation, UnknownObjectError, Vehicle
+from nena_shared.plant import (
+    Link,
+    Location,
+    LocationType,
+    Orientation,
+    Path,
+    UnknownObjectError,
+    Vehicle,
+)
 from support.plants import path, plant
 
 SLOW = Vehicle(name="Slow", max_velocity_mm_s=100, max_reverse_velocity_mm_s=0)
@@ -39,7 +47,7 @@ def test_a_vehicle_without_reverse_speed_does_not_drive_backward() -> None:
     model = plant(path("A B", max_reverse_velocity_mm_s=200))
     router = Router(model)
     assert router.route("B", "A").steps
-    with pytest.raises(NoRouteError, match="for vehicle 'Slow'"):
+    with pytest.raises(NoRouteError, match="for robot 'Slow'"):
         router.route("B", "A", vehicle=SLOW)
 
 
@@ -82,7 +90,27 @@ def test_no_route_error_has_all_details() -> None:
     error = caught.value
     assert (error.source, error.destinations, error.vehicle) == ("A", ("B",), "Slow")
     assert error.avoid == ("A --- B", "B")
-    assert "No route from 'A' to 'B' for vehicle 'Slow' without 'A --- B', 'B'" in str(error)
+    assert "No route from 'A' to 'B' for robot 'Slow' without 'A --- B', 'B'" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("paths", "avoid", "reason"),
+    [
+        ([path("C A")], (), "no path leads there"),
+        ([path("A B", locked=True)], (), "path 'A --- B' is locked"),
+        ([path("B A")], (), "path 'B --- A' may not be driven from 'A' to 'B'"),
+        ([path("A C"), path("C B")], ("C",), "it would need path 'A --- C'"),
+        ([path("A B", max_velocity_mm_s=1)], (), "the robot's highest speed on path 'A --- B' is 0"),
+        ([path("B A"), path("A C", 9999), path("C B", locked=True)], (), "path 'C --- B' is locked"),
+        ([path("A C", locked=True), path("C B", locked=True), path("B A")], (), "path 'A --- C' is locked"),
+    ],
+)
+def test_what_closes_the_way_is_named(paths: list[Path], avoid: tuple[str, ...], reason: str) -> None:
+    """An operator can unlock a path, but cannot look for it in a list of what may be the cause."""
+    standing = Vehicle(name="V", max_velocity_mm_s=0 if "speed" in reason else 1000)
+    with pytest.raises(NoRouteError) as caught:
+        Router(plant(*paths, points="A B")).route("A", "B", vehicle=standing, avoid=avoid)
+    assert str(caught.value).partition(": ")[2] == f"{reason}."
 
 
 @pytest.mark.parametrize(
@@ -135,7 +163,7 @@ def test_a_destination_that_cannot_be_reached_is_named() -> None:
     with pytest.raises(NoRouteError) as caught:
         router.route_through("A", [["B"], ["C"], ["D"]])
     assert (caught.value.source, caught.value.destinations) == ("B", ("C",))
-    with pytest.raises(NoRouteError, match="an unreachable place"):
+    with pytest.raises(NoRouteError, match="none of the destination's points"):
         router.route_through("A", [[]])
     with pytest.raises(UnknownObjectError, match="'X'"):
         router.route_through("A", [["B"], ["X"]])

@@ -21,7 +21,7 @@ def test_a_reason_is_a_value() -> None:
 
 def test_a_reason_has_a_text_and_a_code() -> None:
     reason = Reason(R.BUT, Reason(R.TRAVELS, vehicle="V1", number=1, total=2), Reason(R.ROBOT, OFFLINE))
-    assert str(reason) == f"vehicle V1 travels to destination 1 of 2, but the robot {OFFLINE}"
+    assert str(reason) == f"robot V1 travels to destination 1 of 2, but the robot {OFFLINE}"
     assert reason.coded.model_dump() == {
         "code": "but",
         "values": {},
@@ -47,7 +47,7 @@ def test_times_are_sent_in_iso_8601() -> None:
 @pytest.mark.parametrize(
     ("reason", "text"),
     [
-        (Reason(R.WAITS_FOR_ANY_VEHICLE, "A", "B"), "waits for a vehicle: each of them A or B"),
+        (Reason(R.WAITS_FOR_ANY_VEHICLE, "A", "B"), "waits for a robot: each of them A or B"),
         (Reason(R.ALL, "A", "B"), "A; B"),
         (Reason(R.BUT, "A", "B", "C"), "A, but B; C"),
         (Reason(R.PASSED_OVER, "A", "B", "C"), "A (B; C)"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 from nena_order_service.orders.transport_order import EventCode
 from nena_shared.fleet_api.audit import AuditResult
 from nena_shared.fleet_api.peripherals import PeripheralJobState, PeripheralState
+from nena_shared.fleet_api.reasons import TEXTS as REASONS
 from nena_shared.fleet_api.transport_order import (
     DependencyFailure,
     DriveOrderState,
@@ -56,6 +58,20 @@ def test_every_language_has_every_text_with_the_same_values(language: str) -> No
     assert set(other) == set(english)
     assert {key for key in english if values(english[key]) != values(other[key])} == set()
     assert all(text.strip() for text in other.values())
+
+
+OTHER_WORD = {"en": "vehicle", "de": "fahrzeug", "nl": "voertuig"}
+"""What stands on the floor is a robot; openTCS and the interfaces of integrators say vehicle."""
+DEVELOPERS = re.compile(r"--\w|\b(?:HTTP|REST|JSON|PUT|POST|GET|[A-Z]+_[A-Z_]+|[a-z]+_[a-z_]+|[45]\d\d)\b")
+FILE_FORMATS = {"history.jsonl", "reports.json"}
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_texts_say_robot_and_no_words_of_developers(language: str) -> None:
+    reasons = json.loads((REASONS / f"{language}.json").read_text(encoding="utf-8"))
+    said = {key: re.sub(r"\{\w+\}", "", text) for key, text in {**texts(language), **reasons}.items()}
+    assert {key for key, text in said.items() if OTHER_WORD[language] in text.lower()} == set()
+    assert {key for key, text in said.items() if DEVELOPERS.search(text)} - FILE_FORMATS == set()
 
 
 def test_every_code_has_a_text() -> None:

@@ -212,6 +212,6 @@ class Words:
             )
             text = self._names.sub("another", text)
             text = re.sub(r"another((, | and )another)+", "others", text)
-            text = re.sub(r"^vehicle another travels to destination \d+ of \d+(, but it )?", "", text)
+            text = re.sub(r"^robot another travels to destination \d+ of \d+(, but it )?", "", text)
             self._known[reason] = re.sub(r"\d+(\.\d+)?", "n", text) or "between two parts of its base"
         return self._known[reason]

@@ -91,23 +91,36 @@ class NoRouteError(Exception):
     """There is no route from ``source`` to any of ``destinations`` that avoids what it must."""
 
     def __init__(
-        self, source: str, destinations: Iterable[str], vehicle: Vehicle | None, avoid: Iterable[str]
+        self,
+        source: str,
+        destinations: Iterable[str],
+        vehicle: Vehicle | None,
+        avoid: Iterable[str],
+        graph: RoutingGraph,
     ) -> None:
         self.source = source
         self.destinations = tuple(destinations)
         self.vehicle = None if vehicle is None else vehicle.name
         self.avoid = tuple(sorted(avoid))
+        self._graph = graph
+        super().__init__(source, self.destinations)
+
+    def __str__(self) -> str:
+        return str(self.reason)
+
+    @property
+    def reason(self) -> Reason:
+        """Why there is none; searched when asked for, because traffic control seldom asks."""
         details = []
         if self.vehicle:
             details.append(Reason(R.FOR_VEHICLE, vehicle=self.vehicle))
         if self.avoid:
             details.append(Reason(R.WITHOUT_NAMES, names=", ".join(map(repr, self.avoid))))
-        if self.destinations:
-            goal = " or ".join(map(repr, self.destinations))
-            self.reason = Reason(R.NO_ROUTE, *details, source=source, goal=goal)
-        else:
-            self.reason = Reason(R.NO_ROUTE_ANYWHERE, *details, source=source)
-        super().__init__(self.reason)
+        if not self.destinations:
+            return Reason(R.NO_ROUTE_ANYWHERE, *details, source=self.source)
+        details.append(self._graph.why_no_way(self.source, self.destinations[0]))
+        goal = " or ".join(map(repr, self.destinations))
+        return Reason(R.NO_ROUTE, *details, source=self.source, goal=goal)
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,19 +200,25 @@ class Access:
         self._profile = profile
         self._locks = locks or {}
 
-    def allows(self, edge: DirectedEdge) -> bool:
-        """Return whether such a vehicle may drive along the edge."""
+    def why_closed(self, edge: DirectedEdge) -> Reason | None:
+        """Return why such a vehicle must not drive along the edge; None if it may."""
         path, point, profile = edge.path, self._points[edge.destination], self._profile
-        if self._locks.get(path.name, path.locked) or profile.speed_mm_s(edge) <= 0:
-            return False
+        if self._locks.get(path.name, path.locked):
+            return Reason(R.WAY_LOCKED, path=path.name)
+        if profile.speed_mm_s(edge) <= 0:
+            one_way = Reason(R.WAY_ONE_WAY, path=path.name, source=edge.source, goal=edge.destination)
+            return Reason(R.WAY_NO_SPEED, path=path.name) if edge.max_velocity_mm_s else one_way
         # A vehicle whose type is not known may be of any: it drives only where all of them may.
-        if not all(path.is_open_to(name) and point.is_open_to(name) for name in profile.vehicle_types):
-            return False
+        for place in (path, point):
+            if closed := [name for name in sorted(profile.vehicle_types) if not place.is_open_to(name)]:
+                return Reason(R.WAY_OTHER_TYPES, place=place.name, types=", ".join(closed))
         box, heights = profile.bounding_box, [use.max_height for use in profile.uses_of(path)]
         if box and any(height is not None and box.height_mm > height * MM_PER_M for height in heights):
-            return False
+            return Reason(R.WAY_LOW, path=path.name)
         maps = profile.allowed_maps
-        return maps is None or point.map_id is None or point.map_id in maps
+        if maps is not None and point.map_id not in {None, *maps}:
+            return Reason(R.WAY_OTHER_MAP, point=point.name, map=str(point.map_id))
+        return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,6 +250,10 @@ class VehicleKinds:
             self._of[vehicle.name] = cached
         return cached[1]
 
+
+CLOSED_MM: Final = 1e9
+WRONG_WAY_MM: Final = 1e13
+"""Lengths added to closed edges and to the closed directions of one-way paths, to find what closes a way."""
 
 _COST: Final[Callable[[Step], float]] = attrgetter("cost")
 """Implemented in C, because a search calls it for every edge."""
@@ -293,8 +316,11 @@ class RoutingGraph:
         self._backward = None
 
     def _add_edges(self, edges: Iterable[DirectedEdge], locks: Mapping[str, bool] | None) -> None:
+        self._access = Access(self._plant, self._profile, locks)
         edge_steps = []
-        for edge in filter(Access(self._plant, self._profile, locks).allows, edges):
+        for edge in edges:
+            if self._access.why_closed(edge):
+                continue
             cost = sum((evaluate(edge, self._profile) for evaluate in self._costs), start=0.0)
             # Dijkstra's algorithm is only right without negative costs.
             if cost < 0:
@@ -326,6 +352,25 @@ class RoutingGraph:
             return ()
         ways = rx.digraph_dijkstra_shortest_paths(self._graph, start, target=goal, weight_fn=_COST)
         return self._steps_along(ways[goal], _COST) if goal in ways else None
+
+    def why_no_way(self, source: str, destination: str) -> Reason:
+        """Return what closes the way there: of the ways with the fewest closed edges, the shortest."""
+        open_edges = {step.edge_id for step in self._graph.edges()}
+        steps = []
+        for edge in (DirectedEdge(path, each) for path in self._plant.paths for each in Orientation):
+            wrong_way = 0.0 if edge.max_velocity_mm_s else WRONG_WAY_MM
+            cost = edge.path.length_mm + (0.0 if edge.id in open_edges else CLOSED_MM + wrong_way)
+            steps.append((self._indices[edge.source], self._indices[edge.destination], Step(edge, cost)))
+        everything = copy(self)
+        everything._graph = rx.PyDiGraph()  # noqa: SLF001 - an object of this class
+        everything._graph.add_nodes_from(list(self._indices))  # noqa: SLF001 - an object of this class
+        everything._graph.add_edges_from(steps)  # noqa: SLF001 - an object of this class
+        for step in everything.shortest_steps(source, destination) or ():
+            if step.cost >= CLOSED_MM:
+                costs = [evaluate(step.edge, self._profile) for evaluate in self._costs]
+                avoided = R.WAY_NEEDED if isfinite(sum(costs)) else R.WAY_BY_COST
+                return self._access.why_closed(step.edge) or Reason(avoided, path=step.path.name)
+        return Reason(R.WAY_MISSING)
 
     def shortest_steps_now(
         self, source: str, destination: str, burden: Mapping[str, float], usual: CostMap

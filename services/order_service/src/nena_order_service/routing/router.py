@@ -96,7 +96,7 @@ class Router:
             steps = graph.shortest_steps_now(source, destination, burden, usual)
         else:
             steps = graph.shortest_steps(source, destination)
-        return _route_of_steps(steps, source, destination, vehicle, avoid)
+        return _route_of_steps(steps, (source, destination), vehicle, avoid, graph)
 
     def route_through(
         self,
@@ -125,12 +125,12 @@ class Router:
                         candidate = _Way(way.cost + cost, (*way.points, point))
                         longer[point] = min(candidate, longer.get(point, candidate))
                 if not longer:
-                    raise NoRouteError(next(iter(ways)), choice, vehicle, avoid)
+                    raise NoRouteError(next(iter(ways)), choice, vehicle, avoid, graph)
                 ways = longer
             points = min(ways.values()).points
         return tuple(
-            _route_of_steps(graph.shortest_steps(start, end), start, end, vehicle, avoid)
-            for start, end in pairwise(points)
+            _route_of_steps(graph.shortest_steps(*ends), ends, vehicle, avoid, graph)
+            for ends in pairwise(points)
         )
 
     def steps_along(
@@ -209,14 +209,14 @@ class _Way(NamedTuple):
 
 def _route_of_steps(
     steps: tuple[Step, ...] | None,
-    source: str,
-    destination: str,
+    ends: tuple[str, str],
     vehicle: Vehicle | None,
     avoid: Collection[str],
+    graph: RoutingGraph,
 ) -> Route:
     if steps is None:
-        raise NoRouteError(source, (destination,), vehicle, avoid)
-    return Route(source, destination, steps)
+        raise NoRouteError(ends[0], ends[1:], vehicle, avoid, graph)
+    return Route(*ends, steps)
 
 
 @dataclass(frozen=True, slots=True)

@@ -187,7 +187,10 @@ class RechargeLocations:
             self._recharge_places(model, assigned, cost), key=lambda place: (place.cost, place.point)
         )
         if not places:
-            return Recharging(reason=_why_none(assigned))
+            if not assigned:
+                return Recharging(reason=Reason(R.NO_RECHARGE_LOCATION))
+            why = R.IS_UNREACHABLE if assigned in self._plant.locations_by_name else R.NOT_IN_PLANT
+            return Recharging(reason=Reason(R.ASSIGNED_RECHARGE, Reason(why), location=assigned))
         free = [place for place in places if not taken(place.point)]
         preferred_location = properties.get(PREFERRED_RECHARGE_LOCATION)
         preferred = [place for place in free if place.location == preferred_location]
@@ -195,7 +198,7 @@ class RechargeLocations:
         if best := (preferred or free or cleared):
             return Recharging(best[0].location, best[0].operation)
         if assigned:
-            return Recharging(reason=Reason(R.ASSIGNED_RECHARGE_TAKEN, location=assigned))
+            return Recharging(reason=Reason(R.ASSIGNED_RECHARGE, Reason(R.IS_TAKEN), location=assigned))
         return Recharging(reason=Reason(R.RECHARGE_TAKEN))
 
     def _recharge_places(
@@ -213,9 +216,3 @@ class RechargeLocations:
                 for point in self._plant.access_points(location.name, operation):
                     if (costs := cost(point)) < inf:
                         yield _Place(costs, location.name, operation, point)
-
-
-def _why_none(assigned: str | None) -> Reason:
-    if assigned is None:
-        return Reason(R.NO_RECHARGE_LOCATION)
-    return Reason(R.RECHARGE_UNREACHABLE, location=assigned)

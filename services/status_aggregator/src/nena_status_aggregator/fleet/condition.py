@@ -45,11 +45,11 @@ class Condition(StrEnum):
 TEXTS = {
     "offline": "Disconnected at {since}.",
     "hibernating": "Hibernating since {since}; responds only to a wake-up command.",
-    "broken": "Connection lost at {since}: no power, no network, or its agent stopped.",
+    "broken": "Connection lost at {since}.",
     "unheard": "Never connected; known only from the plant model.",
     "unheard_why": "{why}",
     "expected": "No state received yet; waiting for the first one for up to {limit} s.",
-    "stateless": "No state received yet. Check that its agent runs and its VDA 5050 version is supported.",
+    "stateless": "No state received yet.",
     "unreadable": "Unreadable state: {problem}",
     "silent": "No state since {since} (limit: {limit} s).",
     "blind": "No state since {since}: the status aggregator is not connected to the broker.",

@@ -100,7 +100,7 @@ def test_dispatch_is_recorded_with_its_reasons_once(recorded: Recorded) -> None:
             "vehicle": "V-1",
             "event": "nena:rerouted",
             "explanation": ["a path is locked"],
-            "reason": "vehicle V-1 travels to destination 1 of 1",
+            "reason": "robot V-1 travels to destination 1 of 1",
         },
         {"order": "T-1", "vehicle": "V-1", "destination": 1, "route": ["A", "C", "B"]},
     ]

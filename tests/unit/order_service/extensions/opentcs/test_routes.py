@@ -66,7 +66,7 @@ async def test_the_reason_of_an_unassigned_order_is_reported(client: httpx.Async
     await client.post(f"{API}/transportOrders/T-1", json=FOR_ROBOT)
     answer = await client.post(f"{API}/transportOrders/T-1/immediateAssignment")
     assert "DISPATCHABLE" in answer.json()[0]
-    assert "vehicle 'Robot-01'" in answer.json()[0]
+    assert "robot 'Robot-01'" in answer.json()[0]
 
 
 async def test_routes_have_paths_and_costs(client: httpx.AsyncClient) -> None:

@@ -27,7 +27,7 @@ const SHOWN = {
   mode: (mode) => known(`mode.${mode}`, mode),
   reported: (state) => known(`peripheral.${state}`, state),
   since: dateAndTime,
-  state: (state) => known(`state.${state}`, state),
+  state: (state) => known(`state.${state === "WITHDRAWN" ? "WAS_WITHDRAWN" : state}`, state), // always of an order that has ended
   time: timeOfDay,
   update: String,
 };
@@ -41,13 +41,11 @@ function known(key, value) {
 const own = (object, name) => (Object.hasOwn(object, name) ? object[name] : undefined);
 
 /**
- * Return a reason as `{text, foreign}`: `text` in the panel's language (in English the service's own sentence), or `foreign`,
- * the English text, if a code has no words here (a newer order service) or there is none (an older one).
+ * Return a reason as `{text, foreign}`: `text` in the panel's language, or `foreign`, the English text, if a code has no words here (a newer order service) or there is none (an older one).
  */
 export function worded({ reason, codedReason }) {
   const text = codedReason ? inWords(codedReason) : null;
-  if (text === null) return { text: "", foreign: reason ?? "" };
-  return { text: chosenLanguage() === "en" && reason ? reason : text, foreign: "" };
+  return text === null ? { text: "", foreign: reason ?? "" } : { text, foreign: "" };
 }
 
 /** Return the name of the holder of an order: a person, a host or the order service. */
