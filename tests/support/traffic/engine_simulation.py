@@ -26,7 +26,7 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderState,
     TransportOrderStatus,
 )
-from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType, VehicleStatus
+from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType
 from nena_shared.plant import PlantModel
 from nena_shared.plant_terms import PointType
 from nena_shared.vda5050.connection import ConnectionState
@@ -379,9 +379,6 @@ class EngineSimulation:
 
     def sequence_changed(self, status: OrderSequenceStatus) -> None:
         """Receive a change of an order sequence, as hosts do."""
-
-    def vehicle_changed(self, status: VehicleStatus) -> None:
-        """Receive a change of a vehicle, as hosts do."""
 
     def _story(self) -> str:
         lines = [f"{self.timeline.clock.seconds:.1f} s, {self.kills} kills, {self.breaks} breaks"]

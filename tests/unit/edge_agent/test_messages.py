@@ -112,7 +112,8 @@ def messages(version: str = "2.1.0", first: int = 0) -> RobotMessages:
     settings = EdgeAgentSettings.model_validate({"version": version, "qos": 0})
     capabilities = make_capabilities(settings, ActionRegistry([]))
     reserved = ((Topic.CONNECTION, first),)
-    return RobotMessages(settings, ROBOT, capabilities, clock=ManualClock(), reserved=reserved)
+    codec = codec_for(version)
+    return RobotMessages(settings, ROBOT, capabilities, codec=codec, clock=ManualClock(), reserved=reserved)
 
 
 @pytest.mark.clause("6.5", "7.9")

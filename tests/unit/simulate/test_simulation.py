@@ -9,9 +9,10 @@ import pytest
 
 from bench.halls import SPEED_MM_S, two_halls
 from bench.pibt import bound
+from nena_order_service.engine.status import StatusReporter
 from nena_simulate.demand import Demand, DemandError, Relation, Transport, every_relation
 from nena_simulate.observation import Doing
-from nena_simulate.simulation import simulate, simulate_all
+from nena_simulate.simulation import observe, simulate, simulate_all
 from nena_simulate.site import Case, Disturbances
 
 pytestmark = pytest.mark.simulation
@@ -35,6 +36,25 @@ def test_the_same_seed_gives_the_same_result(seed: int, loss: float) -> None:
     case = replace(CASE, seed=seed, disturbances=Disturbances(loss=loss, speed_spread=0.3))
 
     assert simulate(case) == simulate(case)
+
+
+@pytest.mark.parametrize("minutes", [2.0, pytest.param(30.0, marks=pytest.mark.long)])
+def test_encoded_messages_change_nothing(minutes: float) -> None:
+    disturbed = Disturbances(loss=0.01, speed_spread=0.3)
+    case = replace(CASE, plant=HALL.with_robots(8), robots=8, hours=minutes / 60, disturbances=disturbed)
+
+    found = observe(case)
+
+    assert len(found.finishes) > 4 * minutes
+    assert observe(replace(case, encoded=True)) == found
+
+
+def test_without_listeners_no_status_of_a_vehicle_is_built(monkeypatch: pytest.MonkeyPatch) -> None:
+    built: list[object] = []
+    monkeypatch.setattr(StatusReporter, "vehicle_status", lambda _, vehicle: built.append(vehicle))
+
+    assert observe(CASE).finishes
+    assert not built
 
 
 def test_a_case_is_split_into_shorter_ones_with_their_own_seeds() -> None:

@@ -40,9 +40,11 @@ from nena_shared.mqtt import BrokerLink, Handler, Inbound, LinkHooks, MqttLink, 
 from nena_shared.mqtt.link import LinkState
 from nena_shared.program import StartError
 from nena_shared.tasks import Supervisor, report_failure
+from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.topics import Topic
+from nena_shared.vda5050.versions import codec_for
 
 log = get_logger(__name__)
 P = ParamSpec("P")
@@ -103,8 +105,9 @@ class RobotAgent:
         extensions: Sequence[Extension] = (),
         make_link: Callable[..., BrokerLink] = MqttLink,
         make_journal: Callable[..., Journal] = Journal,
+        codec: Codec | None = None,
     ) -> None:
-        """Prepare the agent."""
+        """Prepare the agent; ``codec``: instead of the one of its version."""
         self._settings = settings
         self._clock = clock
         self._robot, self.robot = robot, robot.key
@@ -119,7 +122,12 @@ class RobotAgent:
         check_frame(memory, self._capabilities.frame)
         self._core = RobotCore(self._capabilities, memory)
         self._messages = RobotMessages(
-            settings, self.robot, self._capabilities, clock=clock, reserved=self._core.header_ids
+            settings,
+            self.robot,
+            self._capabilities,
+            codec=codec or codec_for(settings.version),
+            clock=clock,
+            reserved=self._core.header_ids,
         )
         self._mailbox, self._statistics = Mailbox(), AgentStatistics()
         self._recorder = Recorder(

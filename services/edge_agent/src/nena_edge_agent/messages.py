@@ -40,7 +40,7 @@ from nena_shared.vda5050.repair import FULL_TURN, Repair, RepairKind
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
-from nena_shared.vda5050.versions import codec_for, topics_for
+from nena_shared.vda5050.versions import topics_for
 from nena_shared.vda5050.visualization import Visualization
 from nena_shared.vda5050.zone_set import ZoneSetTransfer
 
@@ -123,13 +123,14 @@ class RobotMessages:
         robot: RobotKey,
         capabilities: Capabilities,
         *,
+        codec: Codec,
         clock: Clock,
         reserved: Reserved = (),
     ) -> None:
         self._settings = settings
         self._robot = robot
         self._capabilities = capabilities
-        self.codec = codec_for(settings.version)
+        self.codec = codec
         self.topics = topics_for(settings.version, settings.interface_name)
         self.headers = HeaderMaker(robot, version=settings.version, clock=clock, reserved=reserved)
 
@@ -337,14 +338,13 @@ class Inbox:
             changes = {"actions": read(message.actions, "")}
         elif isinstance(message, Order):
             changes = {
-                "nodes": tuple(
-                    node.model_copy(update={"actions": read(node.actions, "nodes.")})
-                    for node in message.nodes
-                ),
-                "edges": tuple(
-                    edge.model_copy(update={"actions": read(edge.actions, "edges.")})
-                    for edge in message.edges
-                ),
+                name: tuple(
+                    part.model_copy(update={"actions": read(part.actions, f"{name}.")})
+                    if part.actions
+                    else part
+                    for part in parts
+                )
+                for name, parts in (("nodes", message.nodes), ("edges", message.edges))
             }
         return message.model_copy(update=changes), tuple(dict.fromkeys(repairs))
 

@@ -50,6 +50,7 @@ from nena_shared.mqtt.broker_check import LACKS, BrokerLack
 from nena_shared.plant import PlantModel
 from nena_shared.settings import settings_of
 from nena_shared.tasks import forever
+from nena_shared.vda5050.message_reader import MessageReader
 from nena_shared.vda5050.topics import RobotKey, TopicScheme
 
 log = get_logger(__name__)
@@ -140,6 +141,7 @@ class OrderService:
 
         listeners = Listeners(extensions)
         work.listeners += [self.publisher, self.stream, listeners]
+        work.vehicle_listeners += [self.publisher, self.stream, listeners]
         work.peripheral_listeners += [self.publisher, listeners]
         # 0055: the row of a request joins the transaction of its change: no change is without one.
         work.recorders.append(record_current)
@@ -237,6 +239,7 @@ def make_fleet(
     *,
     epoch: int = 0,
     header_ids: HeaderIds | None = None,
+    make_reader: Callable[..., MessageReader] = MessageReader,
 ) -> FleetLink:
     """Build fleet control over the link ``mqtt``.
 
@@ -257,6 +260,7 @@ def make_fleet(
         header_ids=header_ids,
         only_map=engine.plant.only_map(settings.engine.default_map_id),
         nodes=engine.plant.points_by_name,
+        make_reader=make_reader,
     )
 
 

@@ -114,6 +114,12 @@ class MessageReader:
             letters: name for name in self._nodes if counted[letters := name.casefold()] == 1
         }
 
+    def codec_of(self, version: str) -> Codec:
+        """Return the codec for answers to the sender of a message that was read, by its ``version``."""
+        codec = nearest_codec(version)
+        assert codec, "it was read in one of its major version"  # noqa: S101 - for the type
+        return codec
+
     def read(
         self, kind: type[M], topic: str, payload: bytes, major_version: str, robot: RobotKey | None = None
     ) -> M:

@@ -184,6 +184,7 @@ async def test_vehicles_are_published_with_their_current_status(
 async def test_a_slow_client_receives_a_snapshot_and_does_not_slow_others(service: OrderService) -> None:
     stream = EventStream(service.engine, EventSettings(backlog=2))
     service.engine.unit_of_work.listeners[:] = [stream]
+    service.engine.unit_of_work.vehicle_listeners[:] = [stream]
     async with aclosing(stream.follow(None, ORDERS)) as one, aclosing(stream.follow(None, ORDERS)) as other:
         slow, quick = Client(one), Client(other)
         await slow.hear()
@@ -253,6 +254,7 @@ async def test_unreadable_store_is_reported_first(
 async def test_order_sequence_events_are_opt_in(service: OrderService) -> None:
     stream = EventStream(service.engine, EventSettings())
     service.engine.unit_of_work.listeners[:] = [stream]
+    service.engine.unit_of_work.vehicle_listeners[:] = [stream]
     with service.engine.change():
         service.engine.sequences.create(OrderSequenceRequest(), "S-1")
     await service.engine.unit_of_work.committed()

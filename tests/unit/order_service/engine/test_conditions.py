@@ -103,9 +103,6 @@ class Site:
         assert before is None or before.processing_vehicle in (None, status.processing_vehicle)
         self.sequences[status.name] = status
 
-    def vehicle_changed(self, status: VehicleStatus) -> None:
-        pass
-
 
 async def make(store: MemoryStore | None = None, **places: str) -> Site:
     places = places or {"V1": "A", "V2": "D"}

@@ -87,6 +87,7 @@ async def test_nothing_is_sent_or_published_before_the_commit(
 ) -> None:
     ear = Ear()
     engine.unit_of_work.listeners.append(ear)
+    engine.unit_of_work.vehicle_listeners.append(ear)
     store.held = True
     order = engine.create(request("C"), "T")
     assert (fleet.sent, ear.orders, engine.state.orders.visible(order.number)) == ([], [], None)
@@ -123,6 +124,7 @@ async def test_order_with_a_lost_robot_reports_it_until_it_returns(
     order = engine.create(request("C"), "T")
     ear = Ear()
     engine.unit_of_work.listeners.append(ear)
+    engine.unit_of_work.vehicle_listeners.append(ear)
     fleet.hinder("V1", "the robot has lost its connection to the broker")
     lost = "robot V1 travels to destination 1 of 1, but the robot has lost its connection to the broker"
     assert now(engine, order).reason == lost
@@ -178,6 +180,7 @@ async def test_order_whose_vehicle_is_not_located_waits_until_it_is(
 async def test_vehicle_with_a_changed_reason_is_published_once(engine: Engine, fleet: ScriptedFleet) -> None:
     ear = Ear()
     engine.unit_of_work.listeners.append(ear)
+    engine.unit_of_work.vehicle_listeners.append(ear)
     engine.run_checks()
     assert [status.name for status in ear.vehicles] == ["V1", "V2"]
     engine.create(request("B", intendedVehicle="V2"), "T")
@@ -323,6 +326,7 @@ async def _play(steps: list[str], chance: Random) -> None:
     store, fleet, ear = MemoryStore(), ScriptedFleet({"V1": "A", "V2": "C"}), Ear()
     engine = await make_engine(ROOMY, store, fleet)
     engine.unit_of_work.listeners.append(ear)
+    engine.unit_of_work.vehicle_listeners.append(ear)
     started: list[str] = []
     count = 0
     for step in steps:
@@ -339,6 +343,7 @@ async def _play(steps: list[str], chance: Random) -> None:
             fleet = ScriptedFleet(at)
             engine = await make_engine(ROOMY, store, fleet)
             engine.unit_of_work.listeners.append(ear)
+            engine.unit_of_work.vehicle_listeners.append(ear)
             assert fleet.missions == missions
             for name, point in tuple(at.items()):
                 fleet.appear(name, point)

@@ -117,6 +117,7 @@ async def go_through(store: MemoryStore, fault: Fault) -> tuple[list[str], Scrip
     fleet, told = ScriptedFleet({"V1": "A"}), Told()
     engine = await make_engine(PLANT, store, fleet)
     engine.unit_of_work.listeners.append(told)
+    engine.unit_of_work.vehicle_listeners.append(told)
     failed = []
     for name, step in STEPS:
         at, commits, robot_has = dict(fleet.at), store.commits, dict(fleet.missions)
@@ -134,6 +135,7 @@ async def go_through(store: MemoryStore, fault: Fault) -> tuple[list[str], Scrip
             fleet.at, fleet.missions = at, robot_has
         engine = await make_engine(PLANT, store, fleet)
         engine.unit_of_work.listeners.append(told)
+        engine.unit_of_work.vehicle_listeners.append(told)
         if not is_committed:
             step(engine, fleet)  # the robot reports again, and the host requests again
     return failed, fleet

@@ -20,7 +20,7 @@ from nena_shared.fleet_api.transport_order import (
     OrderSequenceStatus,
     TransportOrderStatus,
 )
-from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
+from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.plant import Vehicle
 from support.fleet import make_vda_order
 from support.order_service import NOW, assigned_order, dispatchable_order
@@ -184,9 +184,6 @@ class Ear:
 
     def sequence_changed(self, status: OrderSequenceStatus) -> None:
         self.heard.append((status.name, status.version))
-
-    def vehicle_changed(self, status: VehicleStatus) -> None:
-        raise AssertionError(status)
 
 
 def made(number: int, key: str | None = None) -> OrderSequence:

@@ -31,12 +31,6 @@ class Ear:
     def __init__(self) -> None:
         self.vehicles: list[VehicleStatus] = []
 
-    def order_changed(self, status: object) -> None:
-        """Pass over it."""
-
-    def sequence_changed(self, status: object) -> None:
-        """Pass over it."""
-
     def vehicle_changed(self, status: VehicleStatus) -> None:
         self.vehicles.append(status)
 
@@ -46,7 +40,7 @@ async def looked_at() -> tuple[Engine, ScriptedFleet, Ear]:
     fleet, ear = ScriptedFleet({"V1": "A"}), Ear()
     engine = await make_engine(PLANT, MemoryStore(), fleet)
     engine.create(request("B", intendedVehicle="V1"), "T")
-    engine.unit_of_work.listeners.append(ear)
+    engine.unit_of_work.vehicle_listeners.append(ear)
     engine.run_checks()
     return engine, fleet, ear
 
@@ -97,7 +91,7 @@ TRACK = PlantModel(
 async def test_blocking_vehicles_are_published_until_a_vehicle_continues() -> None:
     engine, fleet = await engine_at(TRACK, {"V1": "A", "V2": "C"})
     ear = Ear()
-    engine.unit_of_work.listeners.append(ear)
+    engine.unit_of_work.vehicle_listeners.append(ear)
     engine.create(request("D", intendedVehicle="V2"), "T-2")
     assert [each.wait for each in ear.vehicles] == [None]
 

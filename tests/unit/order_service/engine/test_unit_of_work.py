@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from unittest.mock import Mock
 
 import pytest
 from structlog.testing import capture_logs
@@ -28,7 +29,9 @@ class Work:
 def make(store: MemoryStore, published: Callable[[str], VehicleStatus | None] = lambda _: None) -> Work:
     state = make_state()
     events: list[FleetOutput] = []
-    return Work(state, UnitOfWork(state, store, published, events.append, timeout=10.0), events)
+    unit = UnitOfWork(state, store, published, events.append, timeout=10.0)
+    unit.vehicle_listeners.append(Mock())
+    return Work(state, unit, events)
 
 
 @pytest.fixture

@@ -17,7 +17,6 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderState,
     TransportOrderStatus,
 )
-from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_simulate.site import SimulatedRobot, Site
 
 EACH = 0.5
@@ -163,9 +162,6 @@ class Observer:
 
     def sequence_changed(self, status: OrderSequenceStatus) -> None:
         """Ignore sequences: they are not simulated."""
-
-    def vehicle_changed(self, status: VehicleStatus) -> None:
-        """Ignore vehicles: robots are observed directly."""
 
     def _look_at(self, robot: SimulatedRobot) -> None:
         state = self._site.fleet.view(robot.key).state

@@ -41,6 +41,7 @@ from nena_shared.plant.driver_properties import OPTIONAL_PARAMETERS, TOPIC_PREFI
 from nena_shared.plant.track import MM_PER_M
 from nena_shared.settings import settings_with
 from nena_shared.tasks import Supervisor
+from nena_shared.vda5050.message_reader import MessageReader
 from nena_shared.vda5050.topics import RobotKey
 from nena_simulate.demand import (
     Demand,
@@ -52,13 +53,13 @@ from nena_simulate.demand import (
     every_relation,
 )
 from nena_simulate.operations import Operations
-from nena_simulate.wire import Broker, Conditions, Link
+from nena_simulate.wire import Broker, Conditions, DirectCodec, DirectReader, Link
 
 MANUFACTURER = "NeNa"
 MAP_ID = "simulation"
 READY_SECONDS = 120.0
-POSE_SECONDS = 1.0
-"""Interval between two poses while a robot drives, seconds; it reports each node in any case."""
+POSE_SECONDS = 30.0
+"""Interval between two poses while a robot drives, s, as that of states; it reports each node in any case."""
 LOOK = 0.25
 """Seconds between two checks of the backlog."""
 NO_VEHICLES = "The plant model has no vehicles: the robots have openTCS's default size."
@@ -98,6 +99,8 @@ class Case:
     settings: dict[str, Any] = field(default_factory=dict)
     """Settings of the order service."""
     disturbances: Disturbances = Disturbances()
+    encoded: bool = False
+    """Whether messages are encoded and decoded as between programs, which only takes longer."""
 
     def order_service_settings(self) -> OrderServiceSettings:
         """Return the settings of the order service. Raises pydantic's ValidationError."""
@@ -193,6 +196,7 @@ class SimulatedRobot:
             tolerated_parameters=("edges.orientation", "edges.reachOrientationBeforeEntering"),
         )
         self._broker = broker
+        self._encoded = case.encoded
 
     @property
     def key(self) -> RobotKey:
@@ -225,6 +229,7 @@ class SimulatedRobot:
             registry,
             clock=clock,
             make_link=Link.maker(self._broker),
+            codec=None if self._encoded else DirectCodec.of(settings.version),
         )
         await self.agent.run(asyncio.Event())
 
@@ -254,7 +259,8 @@ class Site:
         settings = case.order_service_settings()
         self.engine = make_engine(settings, plant, VolatileStore(COMMIT_SECONDS), clock)
         self._mqtt = Link(broker)
-        self.fleet: FleetLink = make_fleet(settings, self._mqtt, self.engine, clock)
+        reader = MessageReader if case.encoded else DirectReader
+        self.fleet: FleetLink = make_fleet(settings, self._mqtt, self.engine, clock, make_reader=reader)
         operations = case.operations()
         self._make_order = Transport(plant, operations)
         self._relations = _relations_of(case, plant, places)

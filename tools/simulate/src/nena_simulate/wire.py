@@ -1,4 +1,4 @@
-"""An in-process broker: topics, retained messages, a delay, and message loss."""
+"""An in-process broker: topics, retained messages, delay and loss; and messages that are not encoded."""
 
 from __future__ import annotations
 
@@ -7,13 +7,65 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
+from typing import TypeVar
 
 from paho.mqtt.client import topic_matches_sub
 
 from nena_shared.mqtt import Handler, Inbound, LinkHooks, LinkState, Outbound
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.message_reader import MessageReader
+from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.versions import codec_for
+
+M = TypeVar("M", bound=Header)
 
 SUBSCRIBING_SECONDS = 0.05
 """Time to connect and to subscribe, seconds."""
+
+
+class Unencoded(bytes):
+    """The payload of a message whose reader is in this process: it gets the message itself."""
+
+    message: Header
+
+
+class DirectCodec(Codec):
+    """Passes messages on as they are; reads encoded ones, which have none for their version yet."""
+
+    @classmethod
+    def of(cls, version: str) -> DirectCodec:
+        """Return the codec of a version."""
+        codec = codec_for(version)
+        return cls(codec.version, codec.interface_name, codec.forms, codec.rules)
+
+    def encode(self, message: Header) -> bytes:
+        """Return a payload with the message."""
+        payload = Unencoded(b"{}")
+        payload.message = message
+        return payload
+
+    def decode(self, kind: type[M], payload: bytes) -> M:
+        """Return the message of a payload."""
+        if isinstance(payload, Unencoded) and isinstance(payload.message, kind):
+            return payload.message
+        return super().decode(kind, payload)
+
+
+class DirectReader(MessageReader):
+    """Reads the messages of robots that use a :class:`DirectCodec`."""
+
+    def read(
+        self, kind: type[M], topic: str, payload: bytes, major_version: str, robot: RobotKey | None = None
+    ) -> M:
+        """Return the message of a payload."""
+        if isinstance(payload, Unencoded) and isinstance(payload.message, kind):
+            return payload.message
+        return super().read(kind, topic, payload, major_version, robot)
+
+    def codec_of(self, version: str) -> Codec:
+        """Return the codec that passes messages on."""
+        return DirectCodec.of(version)
 
 
 @dataclass(frozen=True, slots=True)

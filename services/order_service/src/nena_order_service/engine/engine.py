@@ -253,7 +253,7 @@ class Engine:
                 self._idle.send_idle(vehicles)
         # Positions and ages change all the time, so only a change of the essentials is published.
         with self.unit_of_work.begin():
-            for vehicle in vehicles:
+            for vehicle in vehicles if self.unit_of_work.vehicle_listeners else ():
                 if not self.unit_of_work.is_published(vehicle.name, self.reporter.essentials(vehicle)):
                     self.state.vehicle_changed(vehicle.name)
 

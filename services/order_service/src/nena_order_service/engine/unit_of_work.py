@@ -30,7 +30,7 @@ FAILED = (
 
 
 class Listener(Protocol):
-    """Receives each change, once it is committed."""
+    """Receives each change of orders and sequences, once it is committed."""
 
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Handle the new version of an order."""
@@ -39,6 +39,10 @@ class Listener(Protocol):
     def sequence_changed(self, status: OrderSequenceStatus) -> None:
         """Handle the new version of an order sequence."""
         ...
+
+
+class VehicleListener(Protocol):
+    """Receives each change of vehicles, once it is committed."""
 
     def vehicle_changed(self, status: VehicleStatus) -> None:
         """Handle the new status of a vehicle."""
@@ -75,6 +79,8 @@ class UnitOfWork:
     ) -> None:
         """``on_event`` receives the events that effects return; ``timeout`` is for commits, seconds."""
         self.listeners: list[Listener] = []
+        self.vehicle_listeners: list[VehicleListener] = []
+        """Without any, no status of a vehicle is built."""
         self.peripheral_listeners: list[PeripheralListener] = []
         self.closed = ""
         """Why no more changes are accepted; empty while they are."""
@@ -206,15 +212,17 @@ class UnitOfWork:
         for effect in changes.effects:
             self._run_effect(effect)
         due = self._vehicles_to_publish(changes.vehicles)
-        statuses = [status for name in sorted(due) if (status := self._vehicle_status(name))]
+        read = sorted(due) if self.vehicle_listeners else ()
+        statuses = [status for name in read if (status := self._vehicle_status(name))]
         self._published.update({status.name: Essentials.of(status) for status in statuses})
         for listener in self.listeners:
             for sequence in changes.sequences:
                 listener.sequence_changed(sequence.status)
             for order in changes.orders:
                 listener.order_changed(order.status)
+        for vehicle_listener in self.vehicle_listeners:
             for status in statuses:
-                listener.vehicle_changed(status)
+                vehicle_listener.vehicle_changed(status)
         for peripheral_listener in self.peripheral_listeners:
             for job in changes.jobs:
                 peripheral_listener.job_changed(job.status)

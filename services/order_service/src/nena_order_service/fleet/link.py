@@ -55,7 +55,7 @@ from nena_shared.vda5050.robot_sources import Dated, RobotSources
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.v2_1.parameter import neutral_path
-from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_named, nearest_codec
+from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_named
 from nena_shared.vda5050.zone_set import ZoneSet, ZoneSetTransfer
 
 R = ReasonCode
@@ -458,6 +458,7 @@ class FleetLink:
         header_ids: HeaderIds | None = None,
         only_map: str = "",
         nodes: Iterable[str] = (),
+        make_reader: Callable[..., MessageReader] = MessageReader,
     ) -> None:
         """``only_map``: the plant's map, empty if it does not have exactly one; ``nodes``: its points."""
         self._mqtt = mqtt
@@ -480,7 +481,7 @@ class FleetLink:
         self._controller = FleetController(
             settings, expected=addresses.expected, utc_now=clock.now, deviations=self.deviations.of
         )
-        self._reader = MessageReader(self._note_repairs, strict=settings.strict)
+        self._reader = make_reader(self._note_repairs, strict=settings.strict)
         self._reader.know_plant(only_map, nodes)
         self._rate = MessageRate(settings.messages_per_second, settings.messages_burst)
         self._subscribe_to(Topic.CONNECTION, Connection, self._controller.on_connection, qos=1)
@@ -649,8 +650,7 @@ class FleetLink:
         except MalformedMessageError as error:
             self._note_malformed(robot, scheme, inbound, error)
             return None
-        codec = nearest_codec(message.version)
-        assert codec, "the reader took one of its major version"  # noqa: S101 - for the type
+        codec = self._reader.codec_of(message.version)
         dialect = self._addresses.dialect_of(robot)
         vda_order = self._controller.vda_order(robot)
         if kind is State and vda_order and not self._settings.strict:
