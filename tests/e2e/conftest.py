@@ -1,7 +1,8 @@
-"""A real Chromium, and a simulated hall for the panel."""
+"""A real Chromium or Firefox, and a simulated hall for the panel."""
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import AsyncIterator, Iterator
 
@@ -25,12 +26,20 @@ ARGUMENTS = [
 
 @pytest.fixture
 async def browser() -> AsyncIterator[Browser]:
-    """Return the installed Chromium; skip the test if it is not installed."""
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
-    if chromium is None:
-        pytest.skip("these tests need a real Chromium: apt-get install chromium")
+    """Return the installed Chromium, or Firefox with NENA_BROWSER=firefox; skip the test without it."""
+    wanted = os.environ.get("NENA_BROWSER", "chromium")
+    program = shutil.which(wanted) or shutil.which(
+        "firefox-esr" if wanted == "firefox" else "chromium-browser"
+    )
+    if program is None:
+        pytest.skip(
+            f"these tests need a real {wanted}: make {'firefox-test' if wanted == 'firefox' else 'browser'}"
+        )
     async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=chromium, args=ARGUMENTS)
+        if wanted == "firefox":  # the distribution's, by WebDriver BiDi
+            browser = await playwright.firefox.launch(executable_path=program, channel="moz-firefox")
+        else:
+            browser = await playwright.chromium.launch(executable_path=program, args=ARGUMENTS)
         yield browser
         await browser.close()
 

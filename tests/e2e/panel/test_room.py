@@ -8,6 +8,7 @@ import pytest
 from playwright.async_api import Browser, Page, expect
 
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
+from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.fleet_examples import connection, position, sample_plant, state, vehicle_status
 from support.panel import COLOUR_NEAR, Hall, becomes, findings, opened, picture, seconds_now
@@ -80,6 +81,41 @@ async def test_many_robots_are_in_sight(
             assert await page.evaluate("document.documentElement.scrollWidth") <= width
             assert await page.evaluate(CUT_OFF) == 0
             assert await findings(page) == []
+
+
+ORDER_ROWS = """() => [...document.querySelectorAll("tr[data-order]")].map((row) => {
+  const chip = row.querySelector(".chip").getBoundingClientRect();
+  const cells = [...row.cells].filter((cell) => !cell.hidden);
+  const frame = document.querySelector("#lists").getBoundingClientRect();
+  const whole = chip.right <= row.cells[1].getBoundingClientRect().right;
+  const inside = cells.at(-1).getBoundingClientRect().right <= frame.right + 1;
+  return [whole && inside, row.offsetHeight < 36, cells.length];
+})"""
+"""Of each order: whether its state and last column are whole, whether it is one line, and its columns."""
+
+
+@pytest.mark.parametrize("language", ["en-GB", "de-DE", "nl-NL"])
+async def test_the_order_list_has_one_line_per_order_and_all_columns(
+    hall: Hall, browser: Browser, language: str
+) -> None:
+    states = [*TransportOrderState]
+    async with hall.connected():
+        hall.publish_plant()
+        for number, order_state in enumerate(states):
+            vehicle = f"Forklift-Nord-{number:02}" if number % 2 else None
+            reason = "waits for robot 'Forklift-Nord-07', which works on another order"
+            more = {"processing_vehicle": vehicle, "reason": reason}
+            hall.publish_order(1, order_state, f"WMS-2026-11-29-{number:04}", **more)
+        async with opened(browser, hall.url, width=1280, height=800, language=language) as page:
+            await page.get_by_role("tab").nth(1).click()
+            for width in (1280, 1600, 700):
+                await page.set_viewport_size({"width": width, "height": 800})
+                await becomes(page, ORDER_ROWS, None, ([[True, True, 5]] * len(states)).__eq__)
+                await picture(page, f"orders-{width}-{language[:2]}")
+                assert await page.evaluate(CUT_OFF) == 0
+            await page.set_viewport_size({"width": 390, "height": 844})
+            await picture(page, f"orders-390-{language[:2]}")
+            assert await page.evaluate("document.documentElement.scrollWidth") <= 390
 
 
 async def test_the_divider_gives_room_to_the_map_or_the_lists(hall: Hall, browser: Browser) -> None:
