@@ -48,6 +48,8 @@ class Deviation:
     version: str = "2.1.0"
     raw: bytes = b""
     """Stands before the message."""
+    capitals: bool = False
+    """Whether the names of all its members begin with a capital letter."""
     first: str = ""
     """Stands in the message before its other members."""
     seen: str = ""
@@ -58,6 +60,8 @@ class Deviation:
         content = json.loads(payload)
         for path, value in self.fields.items():
             _put(content, path.split("."), value)
+        if self.capitals:
+            content = {name[0].upper() + name[1:]: value for name, value in content.items()}
         return self.raw + json.dumps(content).replace("{", "{" + self.first, 1).encode()
 
 
@@ -371,6 +375,7 @@ def _of_words() -> Iterator[Deviation]:
     )
     yield Deviation("lastNodeId in small letters", {"lastNodeId": str.lower}, 'state.lastNodeId "a')
     yield Deviation("orderId in small letters", {"orderId": str.lower}, 'state.orderId "t')
+    yield Deviation("names of fields with capitals", report='state.headerId "HeaderId"', capitals=True)
     yield Deviation("orderId twice", report="state.orderId twice: repeated key", first='"orderId": "?", ')
     yield Deviation(
         "unknown operatingMode",

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from datetime import datetime
-from functools import cache
 from typing import Any, Final, TypeVar
 
 from pydantic_core import from_json
 
-from nena_shared.vda5050.base import Header, WireObject
+from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
 from nena_shared.vda5050.malformed import MalformedMessageError, quoted, repeated_key
 from nena_shared.vda5050.order import Order
@@ -18,13 +17,14 @@ from nena_shared.vda5050.repair import (
     RepairKind,
     Repairs,
     Scope,
+    names_in,
     repair,
     repairs_of,
+    respell,
     version_number,
     without_mark,
     written,
 )
-from nena_shared.vda5050.shape import fields_of
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import nearest_codec
 
@@ -86,6 +86,7 @@ def _repaired_command(
         content = from_json(without_mark(payload, repairs))
         if not isinstance(content, dict):
             return None, repairs
+        content = respell(form, content, repairs)
         _let_topic_decide(kind, codec, content, repairs)
         for name, own in (("manufacturer", robot.manufacturer), ("serialNumber", robot.serial_number)):
             _complete(content, name, own, repairs)
@@ -132,7 +133,7 @@ def _let_topic_decide(kind: type[Header], codec: Codec, content: dict[str, Any],
     if other is None or kind not in other.forms:
         return
     # to ignore a field that only the other version has would change the meaning
-    foreign = _names_in(other.forms[kind]) - _names_in(codec.forms[kind])
+    foreign = names_in(other.forms[kind]) - names_in(codec.forms[kind])
     used = dict.fromkeys(name for name in _keys_in(content) if name in foreign)
     if telling := [name for name in used if not name.endswith(_WITHOUT_EFFECT)]:
         problem = (
@@ -141,13 +142,6 @@ def _let_topic_decide(kind: type[Header], codec: Codec, content: dict[str, Any],
         raise MalformedMessageError(
             kind.__name__, [f"{name}: {problem}" for name in telling], written(content) or b""
         )
-
-
-@cache
-def _names_in(form: type[WireObject]) -> frozenset[str]:
-    parts = [(field.shape.item or field.shape).kind for field in fields_of(form)]
-    inner = [_names_in(part) for part in parts if issubclass(part, WireObject)]
-    return frozenset(name for field in fields_of(form) for name in field.wire).union(*inner)
 
 
 def _keys_in(value: object) -> Iterator[str]:

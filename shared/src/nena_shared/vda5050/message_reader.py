@@ -32,6 +32,7 @@ from nena_shared.vda5050.repair import (
     repair_order_id,
     repair_position,
     repairs_of,
+    respell,
     version_number,
     without_mark,
     written,
@@ -205,8 +206,7 @@ class MessageReader:
         if len(payload) > MAXIMUM_PAYLOAD:
             return None
         try:
-            text = without_mark(payload, repairs)
-            content = parse_members(text, _members_read_for(only)) if only else parse(text)
+            content = _parse(kind, without_mark(payload, repairs), major_version, repairs, only)
             if not isinstance(content, dict):
                 return None
             stated = version_number(content.get("version"))
@@ -349,6 +349,16 @@ def _members_read_for(paths: frozenset[str]) -> frozenset[str]:
     members = {path.partition(".")[0] for path in paths}
     lists = {"nodeStates", "edgeStates"} if "orderId" in members else set()
     return frozenset(members | lists | POSITIONS | {"version", "orderId"})
+
+
+def _parse(
+    kind: type[Header], text: bytes, major_version: str, repairs: Repairs, only: frozenset[str]
+) -> Any:  # noqa: ANN401 - JSON
+    """Parse the members in ``only``, or all with the names of the standard."""
+    if only:
+        return parse_members(text, _members_read_for(only))
+    form = reader_for(None, major_version).forms.get(kind)
+    return respell(form, parse(text), repairs) if form else parse(text)
 
 
 def _repaired_in(

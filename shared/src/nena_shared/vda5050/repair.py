@@ -234,6 +234,37 @@ def without_mark(payload: bytes, repairs: Repairs) -> bytes:
     return payload[len(BYTE_ORDER_MARK) :]
 
 
+@cache
+def names_in(form: type[WireObject]) -> frozenset[str]:
+    """Return the names on the wire of all fields of a form and its parts."""
+    parts = [(field.shape.item or field.shape).kind for field in fields_of(form)]
+    inner = [names_in(part) for part in parts if issubclass(part, WireObject)]
+    return frozenset(name for field in fields_of(form) for name in field.wire).union(*inner)
+
+
+@cache
+def _names_by_letters(form: type[WireObject]) -> Mapping[str, str]:
+    return {name.casefold(): name for name in names_in(form)}
+
+
+def respell(form: type[WireObject], content: Any, repairs: Repairs) -> Any:  # noqa: ANN401 - JSON
+    """Return a message with the field names of its form where they differ in letter case alone."""
+    if isinstance(content, list):
+        return [respell(form, each, repairs) for each in content]
+    if not isinstance(content, dict):
+        return content
+    names, spelled = _names_by_letters(form), {}
+    for key, value in content.items():
+        name = key if key in names_in(form) else names.get(key.casefold(), key)
+        if name != key and name not in content:
+            repairs[name, RepairKind.LETTER_CASE] = quoted(key)
+        # the values of action parameters have names of their own
+        spelled[key if name in content else name] = (
+            value if name == "value" else respell(form, value, repairs)
+        )
+    return spelled
+
+
 def repair(
     form: type[Header],
     content: dict[str, Any],

@@ -191,7 +191,7 @@ def test_ids_of_an_order_are_read_in_any_letter_case() -> None:
         'orderId "m-1": letter case',
         'actionStates.actionId "m-1/PICK": letter case',
     ]
-    assert in_letters_of(order, found) == (found, [])
+    assert in_letters_of(order, found) == (found, ())
 
 
 def test_a_robot_that_the_store_cannot_hold_is_an_error_of_the_plant_model() -> None:

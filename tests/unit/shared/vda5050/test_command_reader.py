@@ -268,3 +268,13 @@ def test_a_key_with_two_values_is_refused(order: dict[str, Any], before: str, re
     with pytest.raises(MalformedMessageError, match=f"{refused}: is there twice") as caught:
         read_command(Order, codec_for("2.1.0"), payload, now=ARRIVAL, robot=ROBOT)
     assert caught.value.references["parameter"] == refused
+
+
+def test_names_of_fields_are_read_in_any_letter_case_but_not_those_in_values(order: dict[str, Any]) -> None:
+    beep = BEEP | {"actionParameters": [{"key": "tone", "value": {"NodeId": 1}}]}
+    odd = json.loads(json.dumps(changed(order, {"nodes.0.actions": [beep]})).replace('"nodeId"', '"NODEID"'))
+    odd["Nodes"] = odd.pop("nodes")
+
+    message, repairs = read(odd, Order)
+    assert message.nodes[0].actions[0].parameter("tone") == {"NodeId": 1}
+    assert {'nodes "Nodes": letter case', 'nodeId "NODEID": letter case'} <= set(repairs)

@@ -105,13 +105,11 @@ class Dialect:
         if isinstance(message, InstantActions):
             return message.model_copy(update={"actions": _as_text(message.actions)})
         if isinstance(message, Order):
-            nodes = tuple(
-                node.model_copy(update={"actions": _as_text(node.actions)}) for node in message.nodes
-            )
-            edges = tuple(
-                edge.model_copy(update={"actions": _as_text(edge.actions)}) for edge in message.edges
-            )
-            return message.model_copy(update={"nodes": nodes, "edges": edges})
+            changes = {
+                name: tuple(part.model_copy(update={"actions": _as_text(part.actions)}) for part in parts)
+                for name, parts in (("nodes", message.nodes), ("edges", message.edges))
+            }
+            return message.model_copy(update=changes)
         return message
 
     def rename_keys(self, topic: Topic, payload: bytes) -> bytes:
@@ -164,24 +162,24 @@ class LastNodes:
         return first.node_id == last.node_id and self._current.get(robot) != state.order_id
 
 
-def in_letters_of(vda_order: VdaOrder, state: State) -> tuple[State, list[Repair]]:
+def in_letters_of(vda_order: VdaOrder, state: State) -> tuple[State, tuple[Repair, ...]]:
     """Return a state with the IDs of the robot's order in the letter case in which they were sent."""
-    changes: dict[str, object] = {}
-    repairs: list[Repair] = []
-    ours = vda_order.order_id
-    if state.order_id != ours and state.order_id.casefold() == ours.casefold():
-        repairs.append(Repair("orderId", RepairKind.LETTER_CASE, quoted(state.order_id)))
-        changes["order_id"] = ours
-    ids = vda_order.action_ids
-    others = [action.action_id for action in state.action_states if action.action_id not in ids]
-    by_letters = {each.casefold(): each for each in ids} if others else {}
-    if other := next((each for each in others if each.casefold() in by_letters), None):
-        repairs.append(Repair("actionStates.actionId", RepairKind.LETTER_CASE, quoted(other)))
-        changes["action_states"] = tuple(
-            changed(each, action_id=by_letters.get(each.action_id.casefold(), each.action_id))
-            for each in state.action_states
-        )
-    return (changed(state, **changes) if changes else state), repairs
+    ours = {each.casefold(): each for each in (vda_order.order_id, *vda_order.action_ids)}
+    ids = [action.action_id for action in state.action_states]
+    others = [each for each in (state.order_id, *ids) if ours.get(each.casefold(), each) != each]
+    if not others:
+        return state, ()
+    actions = (
+        changed(each, action_id=ours.get(each.action_id.casefold(), each.action_id))
+        for each in state.action_states
+    )
+    order_id = ours.get(state.order_id.casefold(), state.order_id)
+    fields = ("actionStates.actionId" if each in ids else "orderId" for each in others)
+    repairs = (
+        Repair(field, RepairKind.LETTER_CASE, quoted(each))
+        for field, each in zip(fields, others, strict=True)
+    )
+    return changed(state, order_id=order_id, action_states=tuple(actions)), tuple(repairs)
 
 
 def _omit(part: Any, path: list[str]) -> None:  # noqa: ANN401 - a part of a JSON document
@@ -656,7 +654,7 @@ class FleetLink:
         if kind is State and vda_order and not self._settings.strict:
             message, repairs = in_letters_of(vda_order, message)
             if repairs:
-                self.deviations.note(robot, Topic.STATE, tuple(repairs))
+                self.deviations.note(robot, Topic.STATE, repairs)
         if kind is State and dialect.keeps_last_node_states:
             outdated = self._last_nodes.may_be_outdated(robot, message, vda_order)
             message = dialect.to_standard(message, outdated=outdated)
