@@ -17,6 +17,7 @@ from nena_shared.fleet_api.attention import Matter, MatterChange
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
+from nena_shared.settings import settings_of
 from nena_status_aggregator.api.events import EventStream
 from nena_status_aggregator.direct_stops import DirectStops
 from nena_status_aggregator.extension import Core, Extension
@@ -88,7 +89,7 @@ class Aggregator:
             publish=self.link.mqtt.publish,
         )
         self.extensions = [
-            extension(getattr(settings, name, None), core) for name, extension in extensions.items()
+            extension(settings_of(settings, name, extension), core) for name, extension in extensions.items()
         ]
         self.events = EventStream(settings.events, epoch=token_hex(4), snapshot=self._fleet_snapshot)
         self.loop_lag = LoopLag(clock)

@@ -262,7 +262,7 @@ export const TEXTS = {
   "condition.SILENT": "Keine Daten",
   "condition.BROKEN": "Verbindung abgebrochen",
   "condition.OFFLINE": "Offline",
-  "condition.URGENT": "Eingriff nötig",
+  "condition.URGENT": "Dringend",
   "urgent.emergency_stop": "Not-Halt",
   "urgent.not_localized": "Position verloren",
   "urgent.error": "Fehler",

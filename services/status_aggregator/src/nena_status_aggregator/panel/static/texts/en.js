@@ -262,7 +262,7 @@ export const TEXTS = {
   "condition.SILENT": "Silent",
   "condition.BROKEN": "Connection broken",
   "condition.OFFLINE": "Offline",
-  "condition.URGENT": "Needs attention",
+  "condition.URGENT": "Urgent",
   "urgent.emergency_stop": "Emergency stop",
   "urgent.not_localized": "Position lost",
   "urgent.error": "Error",

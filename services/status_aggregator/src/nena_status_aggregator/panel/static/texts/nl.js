@@ -262,7 +262,7 @@ export const TEXTS = {
   "condition.SILENT": "Geen gegevens",
   "condition.BROKEN": "Verbinding verbroken",
   "condition.OFFLINE": "Offline",
-  "condition.URGENT": "Ingreep nodig",
+  "condition.URGENT": "Dringend",
   "urgent.emergency_stop": "Noodstop",
   "urgent.not_localized": "Positie kwijt",
   "urgent.error": "Fout",

@@ -1,9 +1,4 @@
-"""Deliver changed orders to URLs of hosts, by the scheme of Standard Webhooks (1.0).
-
-A web hook stores the number of the last change that its receiver has, like a client of the event stream. It
-reads what changed since then from the store: nothing queues in memory, a restart or takeover continues where
-the last one ended, and an order that changed several times meanwhile is sent once, in its present state.
-"""
+"""Deliver messages to URLs of hosts, by the scheme of Standard Webhooks (1.0)."""
 
 from __future__ import annotations
 
@@ -14,30 +9,25 @@ import hashlib
 import hmac
 import json
 import ssl
-from collections import deque
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import Any, Final, Protocol, Self
-from urllib.parse import urlsplit
+from pathlib import Path
+from typing import Any, ClassVar, Final, Self
 
-from nena_order_service.errors import StoreNotReadyError
-from nena_order_service.extensions.webhooks.settings import WebhookSettings
-from nena_order_service.store.database import Changes
-from nena_order_service.store.store import Store
-from nena_shared.clock import Clock
-from nena_shared.fleet_api.transport_order import TransportOrderStatus
-from nena_shared.fleet_api.webhooks import WebhookAttempt, WebhookState, WebhookStatus
+from pydantic import Field, HttpUrl
+
+from nena_shared.clock import Clock, iso
+from nena_shared.fleet_api.base import Resource
+from nena_shared.fleet_api.webhooks import WebhookState
 from nena_shared.log import get_logger
-from nena_shared.settings import ConfigurationError, secret_in
+from nena_shared.metrics import Section, counter, gauge
+from nena_shared.settings import ConfigurationError, SettingsGroup, secret_in
 from nena_shared.tasks import set_within
 
 log = get_logger(__name__)
 
-KIND: Final = "webhook"
-"""The kind of a web hook's document in the store, which contains its change number."""
-PAGE: Final = 50
-"""Number of changed orders read from the store at a time."""
-ATTEMPTS_KEPT: Final = 20
 RESULT_LENGTH: Final = 500
 BODY_READ: Final = 65_536
 """Maximum length of an answer's body that is read, bytes."""
@@ -51,6 +41,22 @@ POLL_SECONDS: Final = 30.0
 """Interval at which the store is read even if no change was published, seconds."""
 GONE: Final = 410
 SUCCESSES: Final = range(200, 300)
+
+
+class WebhookSettings(SettingsGroup):
+    """A web hook: a URL that receives messages."""
+
+    name: str = Field(
+        pattern=r"^[A-Za-z0-9_.-]{1,100}$", description="Name; what the receiver has is stored under it."
+    )
+    url: HttpUrl = Field(description="URL that receives the messages by POST.")
+    secret_file: Path = Field(
+        description="File with the key of the signatures: `whsec_` and 24 to 64 bytes in base64."
+    )
+    ca: Path | None = Field(None, description="CA bundle (PEM) for the receiver. Unset: the system CA store.")
+    retry_hours: float = Field(
+        24.0, gt=0, le=720, description="Time after which an undeliverable message is given up, hours."
+    )
 
 
 def read_secret(settings: WebhookSettings) -> bytes:
@@ -79,14 +85,6 @@ def sign_message(secret: bytes, message: str, moment: datetime, body: bytes) -> 
     }
 
 
-def body_of(order: TransportOrderStatus) -> bytes:
-    """Return the message about an order; its time is that of the last entry of the order's history."""
-    data = order.model_dump(mode="json", by_alias=True)
-    changed = data["history"][-1]["timestamp"] if order.history else data["created"]
-    content = {"type": f"transportOrder.{order.state}", "timestamp": changed, "data": data}
-    return json.dumps(content, separators=(",", ":")).encode()
-
-
 def id_of(body: bytes) -> str:
     """Return the ID of a message: the same for each attempt, another one for other content.
 
@@ -95,41 +93,66 @@ def id_of(body: bytes) -> str:
     return f"msg_{hashlib.sha256(body).hexdigest()[:32]}"
 
 
-class Webhook:
+@dataclass(frozen=True, slots=True)
+class Message:
+    """A message about a change."""
+
+    number: int
+    """Increases from message to message."""
+    kind: str
+    """``type`` of the body, such as ``attention.began``."""
+    subject: str
+    """Name of what has changed."""
+    changed: datetime
+    data: Resource
+    wanted: bool = True
+    """Whether it is sent, or passed over."""
+
+    def body(self) -> bytes:
+        """Return the content."""
+        data = self.data.model_dump(mode="json", by_alias=True)
+        content = {"type": self.kind, "timestamp": iso(self.changed), "data": data}
+        return json.dumps(content, separators=(",", ":")).encode()
+
+
+class Webhook(ABC):
     """Delivers to one receiver, in the order of the changes."""
 
-    def __init__(self, settings: WebhookSettings, secret: bytes, store: Store, clock: Clock) -> None:
+    not_ready: ClassVar[tuple[type[Exception], ...]] = ()
+    """Failures of the source that pass soon."""
+
+    def __init__(self, settings: WebhookSettings, clock: Clock) -> None:
+        """Raise ConfigurationError if a secret, a CA or the HTTP library is missing."""
         self.settings = settings
+        self.receiver = HttpReceiver(settings)
         self.delivered = self.dropped = 0
-        self._secret = secret
-        self._store = store
+        self._secret = read_secret(settings)
         self._clock = clock
+        self._log = log.bind(webhook=settings.name)
         self._changed = asyncio.Event()
-        self._attempts: deque[WebhookAttempt] = deque(maxlen=ATTEMPTS_KEPT)
         self._state = WebhookState.DELIVERING
-        self._known = 0
-        """Number of the last change that is done: delivered, given up, or not wanted."""
-        self._stored = -1
+        self._reason = ""
+        """Why the last attempt has failed; empty if it has not."""
         self._failures = 0
         self._failing: tuple[int, datetime] | None = None
         """The change that cannot be delivered, and since when."""
         self._next_attempt: datetime | None = None
 
-    @property
-    def status(self) -> WebhookStatus:
-        """The web hook as hosts see it."""
-        # User, password and query of a URL may be the receiver's secrets.
-        url, last = urlsplit(str(self.settings.url)), self._attempts[-1] if self._attempts else None
-        return WebhookStatus(
-            name=self.settings.name,
-            url=f"{url.scheme}://{url.netloc.rpartition('@')[2]}{url.path}",
-            state=self._state,
-            reason=last.result if last and not last.delivered else "",
-            next_attempt=self._next_attempt,
-            delivered=self.delivered,
-            dropped=self.dropped,
-            attempts=tuple(reversed(self._attempts)),
-        )
+    async def begin(self) -> None:  # noqa: B027 - not every source needs it
+        """Prepare the source; called until it succeeds."""
+
+    @abstractmethod
+    async def read(self) -> Sequence[Message]:
+        """Return the next messages, the oldest first; empty if there is none."""
+
+    @abstractmethod
+    def note_done(self, message: Message) -> None:
+        """Note that a message is delivered, given up, or not wanted."""
+
+    def note_attempt(  # noqa: B027 - not every source shows them
+        self, message: Message, body: bytes, time: datetime, result: str, *, delivered: bool
+    ) -> None:
+        """Note the result of an attempt."""
 
     @property
     def is_failing(self) -> bool:
@@ -137,69 +160,50 @@ class Webhook:
         return self._state is not WebhookState.DELIVERING
 
     def wake(self) -> None:
-        """Wake the task: an order has changed."""
+        """Wake the task: something has changed."""
         self._changed.set()
 
-    async def run(self, receiver: Receiver) -> None:
+    async def run(self) -> None:
         """Deliver until cancelled; once the receiver is gone, do nothing."""
         began = False
-        async with receiver:
+        async with self.receiver:
             while self._state is not WebhookState.DISABLED:
                 self._changed.clear()
                 try:
                     if not began:
-                        await self._restore_progress()
+                        await self.begin()
                         began = True
-                    pause = await self._deliver_all(receiver)
-                except StoreNotReadyError:
+                    pause = await self._deliver_all()
+                except self.not_ready:
                     pause = PAUSES[0]
                 except Exception:
-                    log.exception("web hook failed; trying again", pause=PAUSES[-1], **self._log_values)
+                    log.exception("web hook failed; trying again", webhook=self.settings.name)
                     pause = PAUSES[-1]
                 if pause is not None:
                     await asyncio.sleep(pause)
                 else:
                     # With a limit, because another order service may have changed orders before a takeover.
                     await set_within(self._changed, POLL_SECONDS)
-        log.warning("web hook disabled: its receiver is gone; restart to use it again", **self._log_values)
+        self._log.warning("web hook disabled: its receiver is gone; restart to use it again")
         await asyncio.Event().wait()  # a task that returns is run again
 
-    async def _restore_progress(self) -> None:
-        """Continue where the last run ended; a new web hook begins with the present."""
-        stored = (await self._store.documents(KIND)).get(self.settings.name, "")
-        last = self._store.numbers.last
-        # A number that the store has not reached would hold back everything until then.
-        if stored.isdecimal() and int(stored) <= last:
-            self._known = self._stored = int(stored)
-        else:
-            self._known = last
-            self._store_progress()
-
-    async def _deliver_all(self, receiver: Receiver) -> float | None:
-        """Deliver all changes; return the delay before the next attempt if one fails, otherwise None."""
-        more = True
-        while more:
-            page = await self._store.read_changes_after(self._known, PAGE)
-            more = len(page) == PAGE
-            for number, order in page:
-                wanted = not self.settings.states or order.status.state in self.settings.states
-                if wanted and not await self._deliver_once(receiver, number, order.status):
-                    return self._note_failure(order.name)
-                self._known = number
-                # Few unwanted ones are read again after a restart: cheaper than a commit for each.
-                if wanted or number - self._stored >= PAGE:
-                    self._store_progress()
+    async def _deliver_all(self) -> float | None:
+        """Deliver all messages; return the delay before the next attempt if one fails, otherwise None."""
+        while messages := await self.read():
+            for message in messages:
+                if message.wanted and not await self._deliver_once(message):
+                    return self._note_failure(message.subject)
+                self.note_done(message)
         self._note_success()
         return None
 
-    async def _deliver_once(self, receiver: Receiver, number: int, order: TransportOrderStatus) -> bool:
+    async def _deliver_once(self, message: Message) -> bool:
         """Try once; return whether the message is done, because it has arrived or is given up."""
-        time, body = self._clock.now(), body_of(order)
-        message = id_of(body)
+        time, body = self._clock.now(), message.body()
         try:
             # Each attempt gets a new signature: receivers of Standard Webhooks refuse old timestamps.
             async with asyncio.timeout(ANSWER_SECONDS):
-                status = await receiver.send(sign_message(self._secret, message, time, body), body)
+                status = await self.receiver.send(sign_message(self._secret, id_of(body), time, body), body)
             result, delivered = str(status), status in SUCCESSES
             if status == GONE:  # Standard Webhooks: the receiver wants no more messages
                 self._state = WebhookState.DISABLED
@@ -207,43 +211,31 @@ class Webhook:
             result, delivered = f"no answer within {ANSWER_SECONDS:.0f} s", False
         except OSError as error:
             result, delivered = str(error) or type(error).__name__, False
-        self._attempts.append(
-            WebhookAttempt(
-                timestamp=time,
-                message=message,
-                transport_order=order.name,
-                state=order.state,
-                result=result[:RESULT_LENGTH],
-                delivered=delivered,
-            )
-        )
+        self._reason = "" if delivered else result[:RESULT_LENGTH]
+        self.note_attempt(message, body, time, result[:RESULT_LENGTH], delivered=delivered)
         if delivered:
             self.delivered += 1
             self._note_success()
             return True
-        return self._is_given_up(number, order.name, time)
+        return self._is_given_up(message, time)
 
-    def _is_given_up(self, number: int, order: str, time: datetime) -> bool:
+    def _is_given_up(self, message: Message, time: datetime) -> bool:
         """Return whether a message has failed for so long that it is given up."""
-        if self._failing is None or self._failing[0] != number:
-            self._failing = (number, time)
+        if self._failing is None or self._failing[0] != message.number:
+            self._failing = (message.number, time)
         if time - self._failing[1] < timedelta(hours=self.settings.retry_hours):
             return False
-        log.error("web hook: message given up", order=order, reason=self.status.reason, **self._log_values)
+        self._log.error("web hook: message given up", subject=message.subject, reason=self._reason)
         self.dropped += 1
         self._failing = None
         return True
 
-    def _note_failure(self, order: str) -> float:
+    def _note_failure(self, subject: str) -> float:
         """Note a failed attempt; return the delay before the next one, seconds."""
         pause = PAUSES[min(self._failures, len(PAUSES) - 1)]
         if not self._failures:
-            reason = self.status.reason
-            log.warning(
-                "web hook: message not delivered; trying again",
-                order=order,
-                reason=reason,
-                **self._log_values,
+            self._log.warning(
+                "web hook: message not delivered; trying again", subject=subject, reason=self._reason
             )
         self._failures += 1
         if self._state is not WebhookState.DISABLED:
@@ -253,35 +245,10 @@ class Webhook:
 
     def _note_success(self) -> None:
         """Note that nothing is left to try again."""
-        if self._failures:
-            log.info("web hook delivers again", **self._log_values)
+        if self._failures and not self._reason:
+            self._log.info("web hook delivers again")
         self._state, self._failures = WebhookState.DELIVERING, 0
         self._failing = self._next_attempt = None
-
-    def _store_progress(self) -> None:
-        self._stored, changes = self._known, Changes()
-        changes.documents[KIND, self.settings.name] = str(self._known)
-        self._store.commit(changes, lambda: None)
-
-    @property
-    def _log_values(self) -> dict[str, str]:
-        return {"webhook": self.settings.name}
-
-
-class Receiver(Protocol):
-    """The connection to a receiver; entered before its first use."""
-
-    async def __aenter__(self) -> object:
-        """Open it."""
-        ...
-
-    async def __aexit__(self, *_: object) -> None:
-        """Close it."""
-        ...
-
-    async def send(self, headers: Mapping[str, str], body: bytes) -> int:
-        """Send a message and return the status of the answer; raises OSError if there is none."""
-        ...
 
 
 class HttpReceiver:
@@ -293,7 +260,7 @@ class HttpReceiver:
         try:
             import httpx  # noqa: PLC0415 - an extra
         except ImportError as error:
-            problem = f"webhooks: {error}; install the extra nena-order-service[webhooks]"
+            problem = f"webhooks: {error}; install httpx, the extra `webhooks`"
             raise ConfigurationError([problem]) from error
         self._httpx = httpx
         try:
@@ -328,3 +295,36 @@ class HttpReceiver:
         except (self._httpx.HTTPError, self._httpx.InvalidURL) as error:
             message = f"{type(error).__name__}: {error}"
             raise ConnectionError(message) from error
+
+
+def check_names(settings: Iterable[WebhookSettings]) -> None:
+    """Raise ConfigurationError if two web hooks have the same name."""
+    names = [hook.name for hook in settings]
+    if len(set(names)) < len(names):
+        raise ConfigurationError([f"webhooks: use each name once: {', '.join(sorted(names))}"])
+
+
+def section_of(prefix: str) -> Section[Any]:
+    """Return the metrics of an extension's ``hooks``; their names begin with ``prefix``."""
+    return Section(
+        "Web hooks",
+        (
+            counter(
+                f"{prefix}_webhook_messages_total",
+                "Messages of web hooks: `delivered`, or given up (`dropped`).",
+                lambda s: {
+                    (hook.settings.name, result): count
+                    for hook in s.hooks
+                    for result, count in (("delivered", hook.delivered), ("dropped", hook.dropped))
+                },
+                "webhook",
+                "result",
+            ),
+            gauge(
+                f"{prefix}_webhook_retrying",
+                "1 while the receiver of a web hook does not accept a message.",
+                lambda s: {hook.settings.name: hook.is_failing for hook in s.hooks},
+                "webhook",
+            ),
+        ),
+    )

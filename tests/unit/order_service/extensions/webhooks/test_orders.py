@@ -11,17 +11,18 @@ from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import httpx
 import pytest
 
 from nena_order_service.errors import StoreNotReadyError
-from nena_order_service.extensions.webhooks import Webhooks, delivery
-from nena_order_service.extensions.webhooks.delivery import Webhook, id_of, read_secret, sign_message
-from nena_order_service.extensions.webhooks.settings import WebhookSettings
+from nena_order_service.extensions.webhooks import Webhooks
+from nena_order_service.extensions.webhooks.orders import OrderWebhook, OrderWebhookSettings
 from nena_order_service.service import OrderService
 from nena_shared.clock import SystemClock
+from nena_shared.extensions import webhooks
+from nena_shared.extensions.webhooks import HttpReceiver, id_of, read_secret, sign_message
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.webhooks import WebhookState
 from nena_shared.settings import ConfigurationError
@@ -34,9 +35,9 @@ SECRET = "whsec_" + base64.b64encode(KEY).decode()
 MOMENT = datetime(2026, 1, 1, tzinfo=UTC)
 
 
-def hook_settings(folder: Path, **fields: Any) -> WebhookSettings:
+def hook_settings(folder: Path, **fields: Any) -> OrderWebhookSettings:
     (folder / "secret").write_text(SECRET)
-    return WebhookSettings.model_validate(
+    return OrderWebhookSettings.model_validate(
         {"name": "wms", "url": "http://user:pw@host/hook?key=1", "secret_file": folder / "secret", **fields}
     )
 
@@ -75,20 +76,21 @@ Listen = Callable[..., Any]
 @pytest.fixture
 def listen(service: OrderService, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Listen:
     """Return a function that runs a web hook until its block ends."""
-    monkeypatch.setattr(delivery, "PAUSES", (0.01,))
+    monkeypatch.setattr(webhooks, "PAUSES", (0.01,))
 
     @asynccontextmanager
-    async def run(receiver: Receiver, **fields: Any) -> AsyncIterator[Webhook]:
+    async def run(receiver: Receiver, **fields: Any) -> AsyncIterator[OrderWebhook]:
         settings = hook_settings(tmp_path, **fields)
-        hook = Webhook(settings, KEY, service.store, SystemClock())
-        webhooks = service.extensions["webhooks"]
-        assert isinstance(webhooks, Webhooks)
-        webhooks.hooks[hook] = receiver
-        task = asyncio.create_task(hook.run(receiver))
+        hook = OrderWebhook(settings, service.store, SystemClock())
+        extension = service.extensions["webhooks"]
+        assert isinstance(extension, Webhooks)
+        extension.hooks.append(hook)
+        hook.receiver = cast("HttpReceiver", receiver)
+        task = asyncio.create_task(hook.run())
         await until(lambda: hook._stored >= 0)
         yield hook
         await end(task)
-        del webhooks.hooks[hook]
+        extension.hooks.remove(hook)
 
     return run
 
@@ -163,7 +165,7 @@ async def test_a_message_is_given_up_after_the_time_for_retries(
     async with listen(receiver, retry_hours=1e-9) as hook:
         await create(client, "T-1")
         await until(lambda: hook.dropped == 1)
-        assert hook.status.state is WebhookState.DELIVERING, "nothing is left to try again"
+        await until(lambda: hook.status.state is WebhookState.DELIVERING)
         await create(client, "T-2")
         await until(lambda: ("transportOrder.DISPATCHABLE", "T-2") in receiver.received)
 
