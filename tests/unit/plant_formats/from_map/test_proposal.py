@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from nena_plant_formats.from_map.free_space import FreeSpace, RobotSize
 from nena_plant_formats.from_map.proposal import COVER, Proposal, propose_plant
 from nena_plant_formats.from_map.robot_map import RobotMap, RobotMapError, read_map
+from nena_shared.plant import Path as PlantPath
 from nena_shared.plant import PlantModel
 from nena_shared.plant.fleet_checks import find_fleet_errors
 from support.drawn_maps import CELL, Pixels, block, hall, office, warehouse, write_map
@@ -93,12 +94,21 @@ def test_robots_reach_all_places_and_keep_their_distance(tmp_path: Path, name: s
     assert len(rx.strongly_connected_components(graph)) == 1
 
 
+def one_way_paths(plant: PlantModel) -> list[PlantPath]:
+    back = {(path.destination, path.source) for path in plant.paths}
+    return [path for path in plant.paths if (path.source, path.destination) not in back]
+
+
 def test_wide_aisles_get_a_lane_for_each_direction(tmp_path: Path) -> None:
     _, proposal = proposed(tmp_path, warehouse())
     assert proposal.one_way_pairs == 5
-    back = {(path.destination, path.source) for path in proposal.model.paths}
-    one_way = [path for path in proposal.model.paths if (path.source, path.destination) not in back]
-    assert len(one_way) > 20
+    assert len(one_way_paths(proposal.model)) > 20
+
+
+def test_robots_do_not_meet_on_the_rings_of_a_room(tmp_path: Path) -> None:
+    _, proposal = proposed(tmp_path, office())
+    assert proposal.one_way_pairs == 0
+    assert len(one_way_paths(proposal.model)) >= 6 * 3
 
 
 def test_long_narrow_corridor_gets_passing_places_where_there_is_room(tmp_path: Path) -> None:

@@ -24,6 +24,8 @@ COVER: Final = 2.0
 """Each place that a robot fits into is at most this far from a path, m."""
 PAIR_FROM: Final = 2.5
 """Shortest track that becomes a pair of one-way lanes, in spacings."""
+RING_TO: Final = 6.0
+"""Longest ring at the end of a track that becomes one-way, in spacings; robots meet on it otherwise."""
 PASSING_AFTER: Final = 4
 """Longest track without a passing place, in spacings."""
 SQUARE: Final = 5.0
@@ -68,7 +70,8 @@ def propose_plant(
         part = space.other_area * cell**2
         remarks.append(f"{part:.0f} m² cannot be reached from the largest part, and have no paths")
     chains = list(_chains(network))
-    pairs = sum([_part_directions(network, chain, PAIR_FROM * spacing / cell) for chain in chains])
+    shortest, longest_ring = (spacings * spacing / cell for spacings in (PAIR_FROM, RING_TO))
+    pairs = sum([_part_directions(network, chain, shortest, longest_ring) for chain in chains])
     passing = set[int]()
     for chain in chains:
         length = length_of([network.places[at] for at in chain])
@@ -107,9 +110,14 @@ def _chains(network: Network) -> Iterator[list[int]]:
                 yield chain
 
 
-def _part_directions(network: Network, chain: list[int], shortest: float) -> bool:
-    """Make a track a pair of one-way lanes, each on the right; return false if it is short or has no room."""
+def _part_directions(network: Network, chain: list[int], shortest: float, longest_ring: float) -> bool:
+    """Make a track a pair of one-way lanes, each on the right; return false if it is short or has no room.
+
+    A small ring becomes a one-way lane.
+    """
     near = network.neighbours()
+    if chain[0] == chain[-1] and length_of([network.places[at] for at in chain]) <= longest_ring:
+        network.drives -= {(after, before) for before, after in pairwise(chain)}
     if chain[0] == chain[-1] or 1 in (len(near[chain[0]]), len(near[chain[-1]])):
         return False  # a dead end: the robots come back on the same lane
     places = [network.places[at] for at in chain]
