@@ -1,6 +1,7 @@
-"""Orders per minute of a backlog that never empties, in five halls, simulated with the real order service.
+"""Orders per minute of a backlog that never empties, simulated with the real order service.
 
-Beside it PIBT in lock-step with the same robots, starts and orders, and robots that never meet.
+In five halls, and the median of sites by lot; beside it PIBT in lock-step with the same robots, starts and
+orders, and robots that never meet.
 """
 
 from __future__ import annotations
@@ -10,13 +11,16 @@ import os
 import subprocess
 import tempfile
 from pathlib import Path
-from statistics import fmean
+from statistics import fmean, median
 
 from bench.halls import HALLS, SPEED_MM_S, Hall, demo_is_there
 from bench.pibt import WORK_SECONDS, bound, orders_per_minute
 from bench.programs import Figures, Version
+from bench.sites import site
 
 CASES = {"aisles": (20, 50), "spurs": (50,), "two_halls": (20,), "demo_01": (4,), "road_map": (50,)}
+SITE_FLEETS = tuple(map(int, os.environ.get("NENA_TRAFFIC_SITE_FLEETS", "6,13,25,51").split(",")))
+SITES = range(1, 1 + int(os.environ.get("NENA_TRAFFIC_SITES", "3")))
 MINUTES = float(os.environ.get("NENA_TRAFFIC_MINUTES", "4"))
 WARM_UP = 1.0
 SEEDS = tuple(map(int, os.environ.get("NENA_TRAFFIC_SEEDS", "1,2,3").split(",")))
@@ -34,6 +38,12 @@ def measure_traffic(version: Version) -> Figures:
             figures[f"{case}_per_minute"] = fmean(_simulate(version, hall, robots, seed) for seed in SEEDS)
             figures[f"{case}_pibt_per_minute"] = orders_per_minute(hall, robots)
             figures[f"{case}_never_meet_per_minute"] = bound(hall, robots)
+    for robots in SITE_FLEETS:
+        halls = [site(number) for number in SITES]
+        found = [_simulate(version, hall, robots, SEEDS[0]) for hall in halls]
+        figures[f"sites_{robots}_per_minute"] = median(found)
+        bounds = [bound(hall, robots, turns=True) for hall in halls]
+        figures[f"sites_{robots}_never_meet_per_minute"] = median(bounds)
     return figures
 
 
