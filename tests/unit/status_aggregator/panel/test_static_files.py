@@ -101,7 +101,9 @@ def test_every_code_has_a_text() -> None:
     assert wanted - KEYS == set()
 
 
-@pytest.mark.parametrize("path", sorted(PANEL.glob("*.js")), ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "path", sorted({*PANEL.glob("*.js"), *PANEL.glob("plant/*.js")}), ids=lambda path: path.name
+)
 def test_every_text_and_column_title_exists(path: Path) -> None:
     source = path.read_text(encoding="utf-8")
     columns = re.findall(r'"([\w.:]+)"', " ".join(re.findall(r"columns = \[(.*?)\]", source, re.DOTALL)))

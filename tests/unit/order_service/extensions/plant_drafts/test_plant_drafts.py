@@ -100,9 +100,13 @@ async def test_a_draft_is_saved_read_listed_and_deleted(site: Site) -> None:
 async def test_the_second_of_two_editors_is_told_who_saved_when(site: Site) -> None:
     await site.save(model=LINE)
     await site.save(model=LINE, version=1)
-    refused = await site.save(status=409, model=LINE, version=1)
+    other = {**LINE, "name": "other"}
+    refused = await site.save(status=409, model=other, version=1)
     assert refused["type"].endswith("plant-draft-changed")
     assert refused["detail"].startswith("somebody saved version 2 of the draft 'aisle' at 20")
+    assert (await site.save(model=LINE, version=1))["version"] == 2, (
+        "the answer was lost, and it is sent again"
+    )
     await site.save(status=409, model=LINE)  # a new draft of a name that is taken
     assert (await site.call("GET", "/v1/plantDrafts/aisle"))["version"] == 2
 

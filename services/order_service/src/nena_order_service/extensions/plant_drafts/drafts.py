@@ -119,6 +119,8 @@ class Drafts:
         model, findings = await self._read(name, request)
         text = await asyncio.to_thread(_to_text, model)
         async with self._one_by_one:
+            if await self._is_repeated(name, request.version, text):
+                return SavedPlantDraft(**dict(self._drafts[name]), findings=findings), request.version is None
             self._check_version(name, request.version)
             if name not in self._drafts and len(self._drafts) >= DRAFTS_LIMIT:
                 raise TooManyPlantDraftsError(DRAFTS_LIMIT)
@@ -133,6 +135,13 @@ class Drafts:
             )
             await self._commit(name, status, text)
         return SavedPlantDraft(**dict(status), findings=findings), request.version is None
+
+    async def _is_repeated(self, name: str, version: int | None, text: str) -> bool:
+        """Return whether this save was made already: its client has not received the answer."""
+        stored = self._drafts.get(name)
+        if stored is None or stored.version != (version or 0) + 1:
+            return False
+        return await self._core.store.document(DRAFT_MODEL, name) == text
 
     async def delete(self, name: str) -> PlantDraftStatus:
         """Delete a draft, and return what it was; raises UnknownPlantDraftError and StoreNotReadyError."""

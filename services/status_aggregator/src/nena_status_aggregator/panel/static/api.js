@@ -40,7 +40,7 @@ const BASE = "api/v1/control";
 export class RefusedError extends Error {
   constructor(problem) {
     super(problem.detail || problem.title);
-    this.errors = problem.errors ?? [];
+    Object.assign(this, { type: problem.type, status: problem.status, errors: problem.errors ?? [] });
   }
 }
 

@@ -16,6 +16,7 @@ import "./map/fleet_map.js";
 import "./order_page.js";
 import "./peripherals.js";
 import "./place_page.js";
+import "./plant/plant_page.js";
 import "./reports_page.js";
 import "./robot_page.js";
 import "./schedules_page.js";
@@ -34,8 +35,8 @@ const enabled = await commandsEnabled();
 const noCommands = enabled ? { viewer: "login.noCommands" }[session?.role] : "command.off";
 const fleet = { store, plant, link, enabled, noCommands };
 const map = part("fleet-map");
-const views = { robots: part("robot-page"), orders: part("order-page"), newOrder: part("order-form"), places: part("place-page"), history: part("history-page"), reports: part("reports-page"), schedules: part("schedules-page"), audit: part("audit-page") };
-const withoutId = ["history", "reports", "schedules", "audit"]; // views
+const views = { robots: part("robot-page"), orders: part("order-page"), newOrder: part("order-form"), places: part("place-page"), history: part("history-page"), reports: part("reports-page"), schedules: part("schedules-page"), plant: part("plant-page"), audit: part("audit-page") };
+const withoutId = ["history", "reports", "schedules", "plant", "audit"]; // views
 
 const tables = { robots: part("robot-table"), orders: part("order-table"), peripherals: part("peripheral-table") };
 
@@ -50,7 +51,7 @@ part("tabs").show(tables);
 part("search").show(tables, plant);
 document.getElementById("new-order").hidden = Boolean(noCommands);
 document.getElementById("schedules-link").hidden = !enabled;
-document.getElementById("audit-link").hidden = !enabled || !mayAudit(session);
+for (const name of ["plant", "audit"]) document.getElementById(`${name}-link`).hidden = !enabled || !mayAudit(session);
 part("link-banner").show(store, link);
 part("stops").show(store, session, noCommands);
 part("stop-commands").show(part("stops"), noCommands);

@@ -1,0 +1,120 @@
+// The form of what is selected: numbers beside what is drawn.
+
+import { button, element, field, numberInput, numberOf, verbatim } from "../dom.js";
+import { number, t } from "../i18n.js";
+import { change, connect, find, put, rename } from "./model.js";
+
+const MM = 1000;
+
+/**
+ * Return the elements of the form for the selected names. `edit(model, selection)` takes each change at once; `select(names)`
+ * selects others.
+ */
+export function propertiesOf(model, selection, edit, select) {
+  const found = selection.map((name) => find(model, name)).filter(Boolean);
+  if (!found.length) return [element("p", { class: "hint" }, t("plant.nothing"))];
+  const kinds = new Set(found.map(({ kind }) => kind));
+  const title = found.length === 1 ? verbatim("strong", found[0].thing.name) : element("strong", {}, t("plant.several", { count: number(found.length) }));
+  if (kinds.size > 1) return [title];
+  const [kind] = kinds;
+  const form = new Form(model, kind, found.map(({ thing }) => thing), edit);
+  return [title, ...(kind === "point" ? pointFields(form) : kind === "path" ? pathFields(form, select) : locationFields(form))];
+}
+
+// What several objects of a kind have in common is changed in all of them.
+class Form {
+  constructor(model, kind, things, edit) {
+    Object.assign(this, { model, list: `${kind}s`, things, names: things.map(({ name }) => name), edit, single: things.length === 1 ? things[0] : null });
+  }
+
+  apply(fields) {
+    this.edit(change(this.model, this.list, this.names, fields), this.names);
+  }
+
+  name() {
+    const input = element("input", { type: "text", value: this.single.name, maxlength: 200, translate: "no" });
+    return changed(t("plant.name"), input, () => this.edit(rename(this.model, this.list, this.single.name, input.value.trim()), [input.value.trim() || this.single.name]));
+  }
+
+  coordinate(key, axis) {
+    const { xMm = 0, yMm = 0 } = this.single;
+    const input = numberInput({ value: (axis ? yMm : xMm) / MM, step: 0.01, required: true });
+    return changed(t(key), input, () => {
+      const at = Math.round((numberOf(input) ?? 0) * MM);
+      this.edit(put(this.model, this.single.name, axis ? xMm : at, axis ? at : yMm), this.names);
+    });
+  }
+
+  /** A number of all objects; `factor`: from the unit shown to that of the model. */
+  amount(key, name, { factor = 1, least = 0, initial = null, required = true } = {}) {
+    const values = new Set(this.things.map((thing) => thing[name] ?? initial));
+    const value = values.size === 1 && [...values][0] !== null ? [...values][0] / factor : "";
+    const input = numberInput({ value, min: least, required });
+    return changed(t(key), input, () => {
+      const given = numberOf(input);
+      if (given !== null || !required) this.apply({ [name]: given === null ? null : factor === 1 ? given : Math.round(given * factor) });
+    });
+  }
+
+  check(key, read, fields) {
+    const input = element("input", { type: "checkbox" });
+    input.checked = this.things.every(read);
+    return changed(t(key), input, () => this.apply(fields(input.checked)));
+  }
+
+  properties() {
+    const lines = Object.entries(this.single.properties ?? {}).map(([key, value]) => `${key}=${value}`);
+    const input = element("textarea", { rows: Math.max(2, lines.length), translate: "no", spellcheck: "false" });
+    input.value = lines.join("\n");
+    return changed(t("plant.properties"), input, () => {
+      const pairs = input.value.split("\n").filter((line) => line.includes("=")).map((line) => [line.slice(0, line.indexOf("=")).trim(), line.slice(line.indexOf("=") + 1).trim()]);
+      this.apply({ properties: Object.fromEntries(pairs) });
+    });
+  }
+}
+
+function changed(label, control, action) {
+  control.addEventListener("change", () => control.checkValidity() && action());
+  return field(label, control);
+}
+
+function pointFields(form) {
+  const parking = form.check("plant.parking", ({ type }) => type === "PARK_POSITION", (on) => ({ type: on ? "PARK_POSITION" : "HALT_POSITION" }));
+  const heading = form.amount("form.headingOptional", "orientationDeg", { least: -360, required: false });
+  if (!form.single) return [heading, parking];
+  return [form.name(), element("div", { class: "fields" }, form.coordinate("form.x", 0), form.coordinate("form.y", 1), heading), parking, form.properties()];
+}
+
+function pathFields(form, select) {
+  const speed = form.amount("plant.speed", "maxVelocityMmS", { factor: MM, initial: MM });
+  const locked = form.check("plant.locked", ({ locked: is }) => Boolean(is), (on) => ({ locked: on }));
+  const oneWays = form.things.filter((path) => !(form.model.paths ?? []).some((each) => each.source === path.destination && each.destination === path.source));
+  const both = button(t("plant.addWayBack"), () => form.edit(oneWays.reduce((model, path) => connect(model, path.destination, path.source, false), form.model), form.names));
+  const parts = form.names.map((name) => verbatim("button", name, { type: "button" }));
+  for (const [at, each] of parts.entries()) each.addEventListener("click", () => select([form.names[at]]));
+  if (!form.single) return [speed, locked, ...(oneWays.length ? [both] : []), ...(parts.length < 5 ? [element("div", { class: "actions" }, ...parts)] : [])];
+  const length = form.amount("plant.length", "lengthMm", { factor: MM, least: 0.001 });
+  return [form.name(), element("div", { class: "fields" }, length, speed), locked, ...(oneWays.length ? [both] : []), form.properties()];
+}
+
+function locationFields(form) {
+  const locked = form.check("plant.locked", ({ locked: is }) => Boolean(is), (on) => ({ locked: on }));
+  if (!form.single) return [locked];
+  const { single: location, model } = form;
+  const types = model.locationTypes ?? [];
+  const known = element("datalist", { id: "plant-types" }, ...types.map(({ name }) => element("option", { value: name })));
+  const type = element("input", { type: "text", value: location.type, list: "plant-types", required: true, translate: "no" });
+  const typeField = changed(t("plant.type"), type, () => {
+    const made = types.some(({ name }) => name === type.value) ? model : { ...model, locationTypes: [...types, { name: type.value, allowedOperations: [] }] };
+    form.edit(change(made, "locations", form.names, { type: type.value }), form.names);
+  });
+  const operations = element("input", { type: "text", value: (types.find(({ name }) => name === location.type)?.allowedOperations ?? []).join(", "), translate: "no" });
+  const operationsField = changed(t("plant.operations", { type: location.type }), operations, () => {
+    const allowed = operations.value.split(",").map((each) => each.trim()).filter(Boolean);
+    form.edit(change(model, "locationTypes", [location.type], { allowedOperations: allowed }), form.names);
+  });
+  const unlink = (point) => button("×", () => form.apply({ links: location.links.filter((each) => each.point !== point) }), { "aria-label": t("plant.unlink", { point }) });
+  const links = (location.links ?? []).map(({ point }) => element("li", {}, verbatim("span", point), " ", unlink(point)));
+  const linked = links.length ? element("ul", { class: "entries" }, ...links) : element("p", { class: "hint" }, t("plant.noLinks"));
+  return [form.name(), element("div", { class: "fields" }, form.coordinate("form.x", 0), form.coordinate("form.y", 1)), typeField, known, operationsField, element("h4", {}, t("plant.links")), linked, locked, form.properties()];
+}

@@ -1,0 +1,79 @@
+// A plant model as it is drawn (m), and what is at a place of it. No DOM.
+
+const MM = 1000;
+const NEAR = 11; // px
+const NEAR_LINE = 7; // px
+
+/** Return what to draw: points and locations by name, and lines, one for both directions of a straight way. */
+export function makeScene(model) {
+  const points = new Map((model.points ?? []).map((thing) => [thing.name, { name: thing.name, x: thing.xMm / MM, y: thing.yMm / MM, parking: thing.type === "PARK_POSITION", heading: thing.orientationDeg ?? null }]));
+  const charging = new Set((model.locationTypes ?? []).filter((type) => (type.allowedOperations ?? []).includes("Charge")).map(({ name }) => name));
+  const locations = new Map((model.locations ?? []).map((thing) => {
+    const { xMm = 0, yMm = 0 } = thing.layout?.position ?? thing;
+    return [thing.name, { name: thing.name, x: xMm / MM, y: yMm / MM, charging: charging.has(thing.type), links: (thing.links ?? []).map(({ point }) => points.get(point)).filter(Boolean) }];
+  }));
+  const lines = new Map();
+  for (const path of model.paths ?? []) {
+    const [from, to] = [points.get(path.source), points.get(path.destination)];
+    if (!from || !to) continue;
+    const corners = (path.layout?.controlPoints ?? []).map((each) => [each.xMm / MM, each.yMm / MM]);
+    const [forward, backward] = [(path.maxVelocityMmS ?? 1000) > 0, (path.maxReverseVelocityMmS ?? 0) > 0];
+    const opposite = !corners.length && lines.get(`${path.destination} ${path.source}`);
+    if (opposite) {
+      opposite.names.push(path.name);
+      opposite.forward ||= backward;
+      opposite.backward ||= forward;
+      opposite.locked ||= Boolean(path.locked);
+    } else {
+      const curved = ["BEZIER", "BEZIER_3"].includes(path.layout?.connectionType);
+      lines.set(corners.length ? path.name : `${path.source} ${path.destination}`, { names: [path.name], from, to, corners, curved, forward, backward, locked: Boolean(path.locked) });
+    }
+  }
+  return { points, locations, lines: [...lines.values()] };
+}
+
+/** Return two scenes: without and with only the named points and locations, and what is at them. */
+export function parted(scene, names) {
+  const touched = ({ from, to }) => names.has(from.name) || names.has(to.name);
+  const linked = (each) => names.has(each.name) || each.links.some(({ name }) => names.has(name));
+  const part = (wanted) => ({
+    points: new Map([...scene.points].filter(([name]) => names.has(name) === wanted)),
+    locations: new Map([...scene.locations].filter(([, each]) => linked(each) === wanted)),
+    lines: scene.lines.filter((line) => touched(line) === wanted),
+  });
+  return [part(false), part(true)];
+}
+
+/** Return the names of what is at a place of the screen: a point, a location, or the paths of a line; empty: nothing. */
+export function hit(scene, view, [px, py]) {
+  let [found, least] = [null, NEAR];
+  for (const things of [scene.points, scene.locations]) {
+    for (const each of things.values()) {
+      const [x, y] = view.toScreen(each.x, each.y);
+      const away = Math.hypot(x - px, y - py);
+      if (away <= least) [found, least] = [[each.name], away];
+    }
+  }
+  if (found) return found;
+  least = NEAR_LINE;
+  for (const line of scene.lines) {
+    const places = [[line.from.x, line.from.y], ...line.corners, [line.to.x, line.to.y]].map(([x, y]) => view.toScreen(x, y));
+    for (let at = 1; at < places.length; at += 1) {
+      const away = toSegment([px, py], places[at - 1], places[at]);
+      if (away < least) [found, least] = [line.names, away];
+    }
+  }
+  return found ?? [];
+}
+
+function toSegment([x, y], [ax, ay], [bx, by]) {
+  const square = (bx - ax) ** 2 + (by - ay) ** 2;
+  const share = square ? Math.max(0, Math.min(1, ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / square)) : 0;
+  return Math.hypot(x - ax - share * (bx - ax), y - ay - share * (by - ay));
+}
+
+/** Return the names of the points and locations in a rectangle (m), given by two corners. */
+export function inside(scene, [ax, ay], [bx, by]) {
+  const within = ({ x, y }) => x >= Math.min(ax, bx) && x <= Math.max(ax, bx) && y >= Math.min(ay, by) && y <= Math.max(ay, by);
+  return [...scene.points.values(), ...scene.locations.values()].filter(within).map(({ name }) => name);
+}

@@ -1,0 +1,408 @@
+"""The page *Plant* in a real browser, over a real order service with loopback robots."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from playwright.async_api import Browser, Page, expect
+
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.plant import PlantModel
+from nena_shared.vda5050.topics import RobotKey
+from support.aggregator_process import AggregatorProcess
+from support.broker import Broker, free_port
+from support.order_service_fleet import Fleet, vehicle_idle
+from support.panel import becomes, findings, opened, picture
+from support.panel_texts import Texts
+from support.programs import OrderServiceProgram
+from support.robot_maps import robot_map
+from support.waiting import awaited
+
+pytestmark = [pytest.mark.e2e, pytest.mark.broker]
+
+CANVAS = "nena-draft-canvas canvas"
+MODEL = "() => document.querySelector('nena-plant-page').history.present"
+SAVED = "nena-plant-page .head [data-state='saved']"
+DURING_RESTART = ("502", "503", "409")
+
+
+@dataclass
+class Site:
+    """Panel, order service at a fixed port, and a robot on `South 1`."""
+
+    fleet: Fleet
+    url: str
+    port: int
+    service: OrderServiceProgram
+    orders: httpx.AsyncClient
+
+    def start(self) -> OrderServiceProgram:
+        return self.fleet.order_service("--http.port", self.port)
+
+    async def restart(self) -> None:
+        self.service.kill()
+        self.service = self.start()
+        async with await self.service.client() as orders:
+            await vehicle_idle(orders)
+
+    async def draft(self, name: str) -> Any:
+        return (await self.orders.get(f"/v1/plantDrafts/{name}")).json()
+
+
+@asynccontextmanager
+async def site(broker: Broker, interface_name: str, folder: Path) -> AsyncIterator[Site]:
+    fleet, port, panel = Fleet(broker, interface_name, folder), free_port(), free_port()
+    with fleet.stack:
+        fleet.agent()
+        service = fleet.order_service("--http.port", port)
+        async with await service.client() as orders:
+            await vehicle_idle(orders)
+            options = ("--interface_name", interface_name, "--topic_prefix", fleet.prefix)
+            addresses = ("--http.port", str(panel), "--mqtt.port", str(broker.port))
+            reached = ("--order_service.url", f"http://127.0.0.1:{port}")
+            with AggregatorProcess(*addresses, *options, *reached) as aggregator:
+                await aggregator.logged("broker connected")
+                yield Site(fleet, f"http://127.0.0.1:{panel}/", port, service, orders)
+
+
+@asynccontextmanager
+async def drawing(
+    browser: Browser, site: Site, name: str, source: str = "", **options: Any
+) -> AsyncIterator[Page]:
+    """Open the panel and a draft, which is made from this source first."""
+    async with opened(browser, site.url, width=1600, height=1000, expected=DURING_RESTART, **options) as page:
+        text = Texts(options.get("language", "en-GB"))
+        await page.get_by_role("link", name=text("plant.title"), exact=True).click()
+        if source:
+            form = page.get_by_role("form", name=text("plant.new"))
+            await form.get_by_label(text("plant.draftName")).fill(name)
+            await form.get_by_label(text("plant.source")).select_option(source)
+            await form.get_by_role("button").click()
+        else:
+            await page.locator("nena-plant-page").get_by_role("link", name=name, exact=True).click()
+        await expect(page.locator(CANVAS)).to_be_visible()
+        yield page
+
+
+async def at(page: Page, x: float, y: float) -> tuple[float, float]:
+    """Return the place of a position (m) on the screen."""
+    px, py = await page.evaluate(
+        "([x, y]) => document.querySelector('nena-draft-canvas').view.toScreen(x, y)", [x, y]
+    )
+    box = await page.locator(CANVAS).bounding_box()
+    assert box
+    return box["x"] + px, box["y"] + py
+
+
+async def drag(page: Page, start: tuple[float, float], end: tuple[float, float]) -> None:
+    await page.mouse.move(*await at(page, *start))
+    await page.mouse.down()
+    await page.mouse.move(*await at(page, (start[0] + end[0]) / 2, (start[1] + end[1]) / 2))
+    await page.mouse.move(*await at(page, *end))
+    await page.mouse.up()
+
+
+async def tool(page: Page, name: str) -> None:
+    await page.get_by_role("toolbar").get_by_role("button", name=name, exact=True).click()
+
+
+async def drawn(page: Page) -> dict[str, Any]:
+    model: dict[str, Any] = await page.evaluate(MODEL)
+    return model
+
+
+async def test_a_plant_of_four_points_is_drawn_kept_activated_and_driven(  # noqa: PLR0915 - one way through
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with site(broker, interface_name, tmp_path) as made:
+        async with drawing(browser, made, "yard", "empty") as page:
+            # a point where the robot stands, with the name that it has in the active plant
+            await expect(page.get_by_role("button", name="Here")).to_be_enabled()
+            await page.get_by_role("button", name="Here").click()
+            await page.get_by_label("Name", exact=True).fill("South 1")
+            await page.get_by_label("Name", exact=True).press("Enter")
+            await page.get_by_label("Heading").fill("")
+            await page.get_by_label("Heading").press("Enter")
+            await (
+                page.get_by_role("button", name="Add ACME/robot-01")
+                .or_(page.get_by_role("button", name="robot-01"))
+                .first.click()
+            )
+            assert [each["name"] for each in (await drawn(page))["points"]] == ["South 1"]
+            # the second by mouse, with a path in both directions into the open
+            await tool(page, "Two-way path")
+            await drag(page, (3, 2), (7, 2))
+            assert [each["name"] for each in (await drawn(page))["paths"]] == [
+                "South 1 --- P2",
+                "P2 --- South 1",
+            ]
+            # two more by keys, beside each other, moved and connected
+            canvas = page.locator(CANVAS)
+            await canvas.focus()
+            await page.keyboard.press("p")
+            for _ in range(6):
+                await page.keyboard.press("ArrowUp")
+            await page.keyboard.press("p")
+            await page.keyboard.press("Shift+ArrowLeft")
+            await page.keyboard.press("Escape")
+            for key in ("Tab", "Space", "Tab", "Space", "Tab", "Space", "Tab", "Shift+C"):
+                await page.keyboard.press(key)
+            points = {each["name"]: (each["xMm"], each["yMm"]) for each in (await drawn(page))["points"]}
+            assert points == {
+                "South 1": (3000, 2000),
+                "P2": (7000, 2000),
+                "P3": (8000, 5000),
+                "P4": (4000, 5000),
+            }
+            assert len((await drawn(page))["paths"]) == 6
+            await page.keyboard.press("Control+z")
+            assert len((await drawn(page))["paths"]) == 2
+            await page.keyboard.press("Control+y")
+            # a station at the last point, linked by a drag
+            await tool(page, "Location")
+            await page.mouse.click(*await at(page, 4, 7))
+            await tool(page, "One-way path")
+            await drag(page, (4, 7), (4, 5))
+            [station] = (await drawn(page))["locations"]
+            assert (station["type"], station["links"]) == ("Station", [{"point": "P4"}])
+            await tool(page, "Select")
+            await page.mouse.click(*await at(page, 8, 5))
+            await page.get_by_label("Parking position").check()
+            await page.get_by_label("x in m").fill("8.25")
+            await page.get_by_label("x in m").press("Enter")
+            assert (await drawn(page))["points"][2]["xMm"] == 8250
+            await expect(page.locator(SAVED)).to_be_visible()
+            assert await findings(page) == []
+            await picture(page, "plant-drawn")
+            before = PlantModel.model_validate(await drawn(page))
+        await made.restart()
+        async with drawing(browser, made, "yard") as page:
+            kept = PlantModel.model_validate(await drawn(page))
+            assert kept == before, "over a closed browser and a killed order service"
+            await page.get_by_role("button", name="Activate …").click()
+            await expect(page.locator(".differences li[data-change=ADDED]").first).to_be_visible()
+            await page.get_by_role("button", name="Activate now").click()
+            await expect(page.get_by_text("is active, with 4 points")).to_be_visible()
+        order = {"destinations": [{"locationName": station["name"], "operation": "Load cargo"}]}
+        async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{made.port}") as orders:
+
+            async def state() -> str:
+                answer = await orders.get("/v1/transportOrders/first")
+                return str(answer.json()["state"]) if answer.status_code == 200 else answer.text
+
+            assert (
+                await orders.post("/v1/transportOrders", json={**order, "name": "first"})
+            ).status_code == 201
+            await awaited(state, lambda now: now == "FINISHED", what="the order on the drawn plant")
+            versions = (await orders.get("/v1/plantVersions")).json()["versions"]
+            assert [(each["number"], each["draft"]) for each in versions] == [(2, "yard"), (1, "")]
+
+
+async def test_two_editors_lose_no_work(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        site(broker, interface_name, tmp_path) as made,
+        drawing(browser, made, "aisle", "active") as one,
+    ):
+        async with drawing(browser, made, "aisle") as two:
+            await expect(one.get_by_text("Also open at: somebody")).to_be_visible()
+            await expect(two.get_by_text("Also open at: somebody")).to_be_visible()
+            # what one saves, the other takes over while it has changed nothing
+            await one.locator(CANVAS).focus()
+            await one.keyboard.press("p")
+            await expect(one.locator(SAVED)).to_be_visible()
+            await becomes(two, MODEL, None, lambda model: len(model["points"]) == 21)
+            # both at once: the second is told, and keeps its work as another draft
+            stored = await made.draft("aisle")
+            await two.route("**/api/v1/control/plantDrafts/aisle?*", lambda route: route.abort())
+            body = {"version": stored["version"], "model": {**stored["model"], "name": "theirs"}}
+            assert (await made.orders.put("/v1/plantDrafts/aisle", json=body)).status_code == 200
+            await two.locator(CANVAS).focus()
+            await two.keyboard.press("Escape")
+            await two.keyboard.press("p")
+            alert = two.get_by_role("alert")
+            await expect(alert).to_contain_text("somebody saved version")
+            assert await findings(two) == []
+            await picture(two, "plant-conflict")
+            await alert.get_by_role("button", name="Save mine as another draft").click()
+            await expect(two.get_by_role("heading", name="aisle, mine")).to_be_visible()
+            assert len((await drawn(two))["points"]) == 22
+        await becomes(one, MODEL, None, lambda model: model["name"] == "theirs")
+
+
+async def test_findings_are_at_their_places_and_conflicts_are_named(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        site(broker, interface_name, tmp_path) as made,
+        drawing(browser, made, "less", "active") as page,
+    ):
+        await page.mouse.click(*await at(page, 3, 2))
+        await expect(page.get_by_label("Name", exact=True)).to_have_value("South 1")
+        await page.locator(CANVAS).press("Delete")
+        model = await drawn(page)
+        assert "South 1" not in json.dumps(model)
+        await expect(page.locator(SAVED)).to_be_visible()
+        await page.get_by_role("button", name="Activate …").click()
+        await expect(page.get_by_text("It cannot be activated:")).to_be_visible()
+        await expect(page.locator("nena-plant-page")).to_contain_text(
+            "uses 'South 1', which would be removed"
+        )
+        assert await findings(page) == []
+        # the map of a robot lies under the plan
+        seen = robot_map(x=-1.0, y=-1.0, resolution=0.1, width=260, height=142)
+        topic = FleetTopics(made.fleet.prefix).robot_map(RobotKey("NeNa", "robot-01"))
+        made.fleet.peer().publish(topic, seen.model_dump_json(by_alias=True), retain=True)
+        under = "() => document.querySelector('nena-draft-canvas').grids.length"
+        await becomes(page, under, None, lambda count: count == 1)
+        await picture(page, "plant-activation")
+        name = model["locations"][0]["name"]
+        shown = page.get_by_role("region", name="Findings")
+        location = model["locations"][0]
+        await page.mouse.click(*await at(page, location.get("xMm", 0) / 1000, location.get("yMm", 0) / 1000))
+        await expect(page.get_by_label("Name", exact=True)).to_have_value(name)
+        links = page.get_by_role("button", name="Unlink ")
+        while await links.count():
+            await links.first.click()
+        entry = shown.locator("li[data-code=LOCATION_WITHOUT_LINK]").filter(has_text=name)
+        await expect(entry).to_be_visible()
+        marked = await page.evaluate("() => [...document.querySelector('nena-draft-canvas').findings.keys()]")
+        assert name in marked
+        await entry.get_by_role("button").click()
+        async with page.expect_download() as downloaded:
+            await page.get_by_label("File format").select_option("opentcs")
+            await page.get_by_role("button", name="Download").click()
+        assert (await downloaded.value).suggested_filename == "less.xml"
+
+
+async def test_points_are_selected_aligned_split_and_versions_compared(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        site(broker, interface_name, tmp_path) as made,
+        drawing(browser, made, "tidy", "active") as page,
+    ):
+        model = await drawn(page)
+        row = [each for each in model["points"] if each["yMm"] == 2000]
+        assert len(row) > 3
+        await drag_area(
+            page,
+            (min(each["xMm"] for each in row) / 1000 - 0.5, 1.5),
+            (max(each["xMm"] for each in row) / 1000 + 0.5, 2.5),
+        )
+        selected = page.get_by_role("region", name="Selected")
+        await expect(selected).to_contain_text(f"{len(row)} objects")
+        await page.locator(CANVAS).press("ArrowUp")
+        moved = {each["name"]: each["yMm"] for each in (await drawn(page))["points"]}
+        assert {moved[each["name"]] for each in row} == {2500}
+        await page.mouse.click(*await at(page, row[1]["xMm"] / 1000, 2.5))
+        await page.get_by_label("y in m").fill("3.1")
+        await page.get_by_label("y in m").press("Enter")
+        await expect(page.get_by_role("button", name="Align y")).to_be_disabled()
+        await page.keyboard.down("Shift")
+        await page.mouse.click(*await at(page, row[0]["xMm"] / 1000, 2.5))
+        await page.keyboard.up("Shift")
+        await page.get_by_role("button", name="Align y").click()
+        moved = {each["name"]: each["yMm"] for each in (await drawn(page))["points"]}
+        assert (moved[row[0]["name"]], moved[row[1]["name"]]) == (3100, 3100)
+        ends = {row[0]["name"], row[1]["name"]}
+        cut = {each["name"] for each in model["paths"] if {each["source"], each["destination"]} == ends}
+        middle = (row[0]["xMm"] + row[1]["xMm"]) / 2000
+        await tool(page, "Point")
+        await page.mouse.click(*await at(page, middle, 3.1))
+        after = await drawn(page)
+        assert cut.isdisjoint(each["name"] for each in after["paths"])
+        assert len(after["paths"]) == len(model["paths"]) + len(cut)
+        await page.get_by_role("button", name="Differences", exact=True).click()
+        await expect(page.locator(".differences li[data-change=MOVED]")).not_to_have_count(0)
+        await page.get_by_role("link", name="Drafts").click()
+        version = page.locator("li[data-version='1']")
+        await expect(version).to_contain_text("Active")
+        await version.get_by_role("button", name="Make a draft").click()
+        await expect(page.get_by_role("heading", name="version 1")).to_be_visible()
+        assert len((await drawn(page))["points"]) == len(model["points"])
+
+
+async def drag_area(page: Page, start: tuple[float, float], end: tuple[float, float]) -> None:
+    await page.keyboard.down("Shift")
+    await drag(page, start, end)
+    await page.keyboard.up("Shift")
+
+
+@pytest.mark.parametrize("language", ["de-DE", "nl-NL"])
+async def test_the_page_speaks_each_language(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser, language: str
+) -> None:
+    text = Texts(language)
+    async with (
+        site(broker, interface_name, tmp_path) as made,
+        drawing(browser, made, "taal", "active", language=language, dark=True) as page,
+    ):
+        await page.mouse.click(*await at(page, 3, 2))
+        await expect(page.get_by_label(text("plant.parking"))).to_be_visible()
+        assert await findings(page) == []
+        await picture(page, f"plant-{language[:2]}")
+
+
+DRAG = """async ([x, y]) => {
+  const canvas = document.querySelector("nena-draft-canvas");
+  const at = (dx) => ({ pointerId: 1, clientX: x + dx, clientY: y });
+  const send = (name, dx) => canvas.canvas.dispatchEvent(new PointerEvent(name, at(dx)));
+  canvas.canvas.setPointerCapture = () => {};
+  send("pointerdown", 0);
+  const times = [];
+  for (let step = 1; step <= 40; step += 1) {
+    send("pointermove", 3 * step);
+    times.push(await new Promise(requestAnimationFrame));
+  }
+  send("pointerup", 120);
+  return times.slice(1).map((each, at) => each - times[at]).sort((a, b) => a - b);
+}"""
+"""Drags from a place of the window, and returns the times between frames, ms, shortest first."""
+
+SLOWEST_FRAME = 100.0
+"""Median of the frames of a drag, ms, also while other tests run; measured alone: docs/panel.md."""
+
+
+async def test_2500_points_are_dragged_smoothly(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    side = 50
+    points = [
+        {"name": f"{x}/{y}", "xMm": 2000 * x, "yMm": 2000 * y} for x in range(side) for y in range(side)
+    ]
+    ways = [
+        (f"{x}/{y}", f"{x + dx}/{y + dy}")
+        for x in range(side)
+        for y in range(side)
+        for dx, dy in ((1, 0), (0, 1))
+        if x + dx < side and y + dy < side
+    ]
+    paths = [
+        {"name": f"{a} --- {b}", "source": a, "destination": b, "lengthMm": 2000}
+        for pair in ways
+        for a, b in (pair, pair[::-1])
+    ]
+    body = {"version": None, "model": {"name": "large", "points": points, "paths": paths}}
+    async with site(broker, interface_name, tmp_path) as made:
+        assert (await made.orders.put("/v1/plantDrafts/large", json=body)).status_code == 201
+        async with drawing(browser, made, "large") as page:
+            for what, place in (("point", (50.0, 50.0)), ("view", (51.0, 51.0))):
+                times = await page.evaluate(DRAG, await at(page, *place))
+                median = times[len(times) // 2]
+                sys.stdout.write(f"drag of a {what}: median {median:.1f} ms, longest {times[-1]:.1f} ms\n")
+                assert median < SLOWEST_FRAME
+            moved = next(each for each in (await drawn(page))["points"] if each["name"] == "25/25")
+            assert moved["xMm"] > 50_000
+            await expect(page.locator(SAVED)).to_be_visible()
+            stored = (await made.draft("large"))["model"]["points"]
+            assert next(each for each in stored if each["name"] == "25/25")["xMm"] == moved["xMm"]
