@@ -23,7 +23,7 @@ from nena_order_service.fleet.outputs import (
     VdaOrderFinished,
 )
 from nena_order_service.fleet.robot import Availability, LinkStatus, RobotView
-from nena_order_service.fleet.vda_order import OperationMap, VdaOrder, with_kept_base
+from nena_order_service.fleet.vda_order import OperationMap, VdaOrder, released_to, with_kept_base
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.routing.router import RouteFinder, Router
 from nena_order_service.store.database import Changes, Unfinished
@@ -164,6 +164,12 @@ class ScriptedFleet:
         with_kept_base(self.missions[robot], vda_order)
         self.missions[robot] = vda_order
         self.extended.append((robot.serial_number, vda_order))
+
+    def release_base(self, robot: RobotKey, order_id: str, sequence_id: int | None) -> None:
+        plan = self.missions[robot]
+        assert plan.order_id == order_id
+        last = plan.last_sequence_id if sequence_id is None else sequence_id
+        self.extend_vda_order(robot, released_to(plan, last))
 
     def pass_node(self, name: str, index: int) -> None:
         """Report that a robot has passed the ``index``-th node of its VDA order."""

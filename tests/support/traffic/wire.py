@@ -139,6 +139,9 @@ class CoreFleet:
     def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
         self._take(self.core.control(robot).extend_order(vda_order, self.now))
 
+    def release_base(self, robot: RobotKey, order_id: str, sequence_id: int | None) -> None:
+        self._take(self.core.control(robot).release_base(order_id, sequence_id, self.now))
+
     def cancel_vda_order(self, robot: RobotKey) -> None:
         self._take(self.core.control(robot).cancel_order(self.now))
 

@@ -369,11 +369,34 @@ def test_a_late_factsheet_keeps_the_base_as_sent() -> None:
     bench = started()
     lists_little(bench)
 
-    extend(bench, base(4))
+    bench.take(bench.control.release_base(WHOLE.order_id, 6, bench.now))
 
-    assert nodes_sent(bench)[1][0] == nodes_sent(bench)[0][1]
+    sent = nodes_sent(bench)
+    assert sent[1][0] == sent[0][1]
+    assert [each.node_position and each.node_position.allowed_deviation_xy for each in sent[1][1:]] == [
+        None
+    ] * 3
     bench.run()
     assert bench.told(VdaOrderFailed) == []
+
+
+@pytest.mark.parametrize("last", [4, None])
+def test_releasing_the_base_sends_what_the_longer_plan_would(last: int | None) -> None:
+    planned, released = started(), started()
+
+    extend(planned, WHOLE if last is None else base(last // 2 + 1))
+    released.take(released.control.release_base(WHOLE.order_id, last, released.now))
+
+    assert nodes_sent(released) == nodes_sent(planned)
+    assert len(nodes_sent(released)) == 2
+
+
+def test_a_released_base_of_another_order_is_ignored() -> None:
+    bench = started()
+
+    bench.take(bench.control.release_base("another", 4, bench.now))
+
+    assert len(nodes_sent(bench)) == 1
 
 
 @settings(max_examples=100)

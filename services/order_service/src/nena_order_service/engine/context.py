@@ -122,6 +122,10 @@ class FleetControl(Protocol):
         """Send an order update (section 6.1.2); raises BaseChangedError."""
         ...
 
+    def release_base(self, robot: RobotKey, order_id: str, sequence_id: int | None) -> None:
+        """Send an order update that only extends the base, to this node; None: to the end (section 6.1.2)."""
+        ...
+
     def cancel_vda_order(self, robot: RobotKey) -> None:
         """Cancel the robot's VDA order (section 6.1.3)."""
         ...

@@ -571,7 +571,12 @@ class Driving:
             self._state.vehicle_changed(name)
             self._state.after_commit(partial(self._send_order, drive))
         elif further and sent and not granted:
-            self.send_update(sent.released(route).updated())
+            drive = sent.released(route).updated()
+            self._drives.put(drive)
+            fleet = self._context.fleet
+            self._state.after_commit(
+                lambda: fleet.release_base(drive.robot, drive.order_id, drive.released_to)
+            )
 
     def _allocate_ahead(self, vehicle: FleetVehicle, more: int, gate: Gate) -> bool:
         """Allocate as far ahead as the settings require; ``more``: at least this many additional nodes."""
@@ -591,7 +596,7 @@ class Driving:
         return self._traffic.allocate(name, ahead, length_mm, gate, limits=limits)
 
     def send_update(self, drive: Drive) -> None:
-        """Send a robot the update of its VDA order after the commit."""
+        """Send a robot the update that changes the plan of its VDA order, after the commit."""
         self._drives.put(drive)
         self._state.after_commit(
             lambda: self._context.fleet.extend_vda_order(drive.robot, drive.as_released())

@@ -115,6 +115,8 @@ class RobotControl:
     def on_factsheet(self, message: Factsheet, now: float) -> Iterator[FleetOutput]:
         """Handle a factsheet (section 7.10)."""
         self.robot.take_factsheet(message)
+        if self._run:
+            self._run.outdated_fit = True
         yield from self._send_and_report(now)
 
     def on_malformed(self, problem: Reason | None, now: float) -> Iterator[FleetOutput]:
@@ -235,6 +237,15 @@ class RobotControl:
         run, abilities = self._run, self.robot.abilities
         if run and run.vda_order.order_id == vda_order.order_id:
             run.extend(fitted_order(vda_order, abilities))
+        return self._send_and_report(now)
+
+    def release_base(self, order_id: str, sequence_id: int | None, now: float) -> Iterator[FleetOutput]:
+        """Extend the base of the robot's VDA order as planned, to the node ``sequence_id`` or its end (None).
+
+        Sent as by :meth:`extend_order`. Does nothing for a VDA order that has ended.
+        """
+        if self._run and self._run.vda_order.order_id == order_id:
+            self._run.release(sequence_id)
         return self._send_and_report(now)
 
     def cancel_order(self, now: float) -> Iterator[FleetOutput]:

@@ -521,6 +521,10 @@ class FleetLink:
         """Send an order update (section 6.1.2); raises BaseChangedError."""
         self._hand_out(self._controller.control(robot).extend_order(vda_order, self._now()))
 
+    def release_base(self, robot: RobotKey, order_id: str, sequence_id: int | None) -> None:
+        """Send an order update that only extends the base, to this node; None: to the end (section 6.1.2)."""
+        self._hand_out(self._controller.control(robot).release_base(order_id, sequence_id, self._now()))
+
     def cancel_vda_order(self, robot: RobotKey) -> None:
         """Cancel the robot's VDA order (section 6.1.3)."""
         self._hand_out(self._controller.control(robot).cancel_order(self._now()))

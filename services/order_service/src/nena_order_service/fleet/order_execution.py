@@ -25,7 +25,7 @@ from nena_order_service.fleet.outputs import (
 )
 from nena_order_service.fleet.robot import Availability, VdaOrderPhase
 from nena_order_service.fleet.settings import FleetSettings
-from nena_order_service.fleet.vda_order import VdaOrder, held_by, update_of, with_kept_base
+from nena_order_service.fleet.vda_order import VdaOrder, held_by, released_to, update_of, with_kept_base
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.plant import property_keys as keys
 from nena_shared.vda5050.action import ActionState, ActionStatus
@@ -168,6 +168,8 @@ class OrderExecution:
         self._settings = settings
         self._delivery = Delivery(settings)
         self._adopted = adopted
+        self.outdated_fit = False
+        """Whether the robot has sent a factsheet since the order was fitted."""
         self._accepted = accepted
         self._reported = -2
         """SequenceId of the last node that was reported as passed; -1: none; -2: not accepted yet."""
@@ -202,8 +204,18 @@ class OrderExecution:
         Raises:
             BaseChangedError: the base of ``plan`` does not continue the current base.
         """
-        newest = self._plan or (self._pending.plan if self._pending else self.vda_order)
-        plan = with_kept_base(newest, plan)
+        self._follow_plan(with_kept_base(self._newest_plan, plan))
+
+    def release(self, sequence_id: int | None) -> None:
+        """Extend the base of the order to the node ``sequence_id``; None: to its end."""
+        plan = self._newest_plan
+        self._follow_plan(released_to(plan, plan.last_sequence_id if sequence_id is None else sequence_id))
+
+    @property
+    def _newest_plan(self) -> VdaOrder:
+        return self._plan or (self._pending.plan if self._pending else self.vda_order)
+
+    def _follow_plan(self, plan: VdaOrder) -> None:
         if self.phase is VdaOrderPhase.WAITING and not self._adopted:
             self.vda_order = plan  # nothing was sent yet
         else:
@@ -215,6 +227,8 @@ class OrderExecution:
         if self.phase is VdaOrderPhase.WAITING or (self._adopted and self.phase is VdaOrderPhase.RUNNING):
             self.vda_order = fit(self.vda_order)
             self._plan = self._plan and fit(self._plan)
+        elif self.outdated_fit and self._plan:
+            self._plan = with_kept_base(self.vda_order, fit(self._plan))
 
     @property
     def is_quiet(self) -> bool:
