@@ -14,9 +14,9 @@ from support.waiting import until
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(BUILD_SECONDS)]
 
-DEFAULT = {"broker", "order-service", "status-aggregator", "prometheus"}
+DEFAULT = {"broker", "order-service", "status-aggregator", "prometheus", "alertmanager"}
 ROBOTS = {"robot-simulator", "robot-01", "robot-02"}
-OURS = (DEFAULT | ROBOTS) - {"broker", "prometheus"}
+OURS = (DEFAULT | ROBOTS) - {"broker", "prometheus", "alertmanager"}
 ALL = DEFAULT | ROBOTS | {"postgres"}
 PROFILES = ("--profile", "demo", "--profile", "postgres")
 CARRY = (("Goods in", "Load cargo"), ("Storage", "Unload cargo"))
@@ -115,6 +115,13 @@ async def test_prometheus_has_the_rules(healthy: Compose) -> None:
     rules = [rule for group in await until(groups) for rule in group["rules"]]
 
     assert {rule["type"] for rule in rules} == {"alerting", "recording"}
+
+
+async def test_prometheus_sends_to_alertmanager(healthy: Compose) -> None:
+    url = f"{healthy.url('PROMETHEUS_PORT')}/api/v1/alertmanagers"
+    await until(
+        lambda: (found := read(url)) and found["data"]["activeAlertmanagers"], what="Alertmanager is found"
+    )
 
 
 async def test_doctor_reports_a_healthy_robot(healthy: Compose) -> None:

@@ -17,7 +17,7 @@ from support.waiting import until
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(BUILD_SECONDS)]
 
-SERVICES = {"broker", "order-service", "status-aggregator", "prometheus"}
+SERVICES = {"broker", "order-service", "status-aggregator", "prometheus", "alertmanager"}
 FILES = "docker-compose.yml:docker-compose.site.yml"
 
 

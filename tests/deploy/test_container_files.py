@@ -29,7 +29,7 @@ ROOT = Path(__file__).parents[2]
 COMPOSE: dict[str, Any] = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
 SERVICES: dict[str, dict[str, Any]] = COMPOSE["services"]
 DOCKERFILES = sorted([*ROOT.glob("services/*/Dockerfile*"), *ROOT.glob("tools/*/Dockerfile*")])
-OF_OTHERS = {"broker", "postgres", "prometheus", "grafana"}
+OF_OTHERS = {"broker", "postgres", "prometheus", "alertmanager", "grafana"}
 
 
 def ids(paths: list[Path]) -> list[str]:

@@ -29,9 +29,10 @@ BASES = (
     "eclipse-mosquitto:2",
     "postgres:17",
     os.environ.get("PROMETHEUS_IMAGE", "prom/prometheus:v3.5.0"),
+    os.environ.get("ALERTMANAGER_IMAGE", "prom/alertmanager:v0.28.1"),
 )
 SERVED_BY_NENA = ("REST_PORT", "PANEL_PORT")
-PORTS = ("MQTT_PORT", "MQTTS_PORT", "REST_PORT", "PANEL_PORT", "PROMETHEUS_PORT")
+PORTS = ("MQTT_PORT", "MQTTS_PORT", "REST_PORT", "PANEL_PORT", "PROMETHEUS_PORT", "ALERTMANAGER_PORT")
 IN_POSTGRESQL = {
     "HISTORY_URL": "postgresql+psycopg://nena@postgres/nena",
     "STORE_URL": "postgresql://nena@postgres/nena",

@@ -111,7 +111,7 @@ class Prometheus:
         if agents:
             text = _uncommented(text, "- job_name: nena-edge-agent", agents)
         if alertmanager:
-            text = _uncommented(text, "alerting:", (alertmanager,))
+            text = _uncommented(text, "alertmanagers:", (alertmanager,))
             rules = _hurried_rules(folder, unhurried)
         text = text.replace("rules/*.yml", f"{rules}/*.yml")
         (folder / "prometheus.yml").write_text(text, encoding="utf-8")

@@ -39,14 +39,30 @@ BLOCKED = RobotKey("ACME", "r2")
 
 
 def promtool(*arguments: str) -> None:
+    checked("promtool", *arguments)
+
+
+def checked(name: str, *arguments: str) -> None:
     done = subprocess.run(
-        [program("promtool"), *arguments], capture_output=True, text=True, timeout=PATIENCE, check=False
+        [program(name), *arguments], capture_output=True, text=True, timeout=PATIENCE, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_configuration_and_rules_are_valid() -> None:
     promtool("check", "config", str(CONFIGURATION / "prometheus.yml"))
+    promtool("check", "rules", *map(str, sorted((CONFIGURATION / "rules").glob("*.yml"))))
+
+
+@pytest.mark.parametrize("with_receivers", [False, True])
+def test_alertmanager_knows_its_receivers(tmp_path: Path, *, with_receivers: bool) -> None:
+    text = (CONFIGURATION / "alertmanager.yml").read_text(encoding="utf-8")
+    if with_receivers:
+        text = re.sub(r"(?m)^    # ( *(?:\w+_configs:|- {))", r"    \1", text)
+        assert text.count("_configs:") == 2
+    file = tmp_path / "alertmanager.yml"
+    file.write_text(text, encoding="utf-8")
+    checked("amtool", "check-config", str(file))
 
 
 def test_the_configurations_of_containers_are_in_order(tmp_path: Path) -> None:
@@ -91,7 +107,7 @@ def test_every_alert_has_an_entry_in_the_runbook_to_which_it_points() -> None:
             "Diagnosis",
             "Mitigation",
         ], name
-    pointers = re.findall(r'runbook: "docs/runbook.md#(\w+)"', rules)
+    pointers = re.findall(r'runbook_url: "{{ \$externalLabels.nena_runbook }}#(\w+)"', rules)
     assert pointers == [name.lower() for name in names]
 
 
