@@ -195,6 +195,9 @@ class Watch:
         assert begun == ended
         assert set(begun.values()) == {1}, begun
         found = [dict(each) for each in begun]
+        for each in notices:
+            assert each.link == f"https://docs.example/runbook/#{each.name.lower()}"
+        assert not any("nena_runbook" in each for each in found)
         assert Counter(each["alertname"] for each in found) == Counter(alerts)
         assert all(labels.items() <= each.items() for each in found), (labels, found)
         return found

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
+from nena_deploy.identities import Identity, Kind, SiteTopics, access_list, device_name
 from nena_order_service.api.asyncapi import Channel, channels
 from nena_shared.fleet_api.topics import FleetTopics
 from support.markdown import row
@@ -13,6 +14,13 @@ from support.markdown import row
 _HERE: Final = Path(__file__).parent
 DOCUMENT: Final = _HERE.parents[1] / "docs" / "mqtt-api.md"
 ANSWER: Final = "Answer"
+ALLOWED: Final = """
+A host and a device need no more than this, here as the access list of Mosquitto that `nena-deploy` writes
+([security.md](security.md#broker-robots-and-services-of-a-site)). A host may send only `create` and
+`delivery`, because the other commands affect orders of other hosts, or robots: send those by REST, or add
+`topic write nena/v1/hosts/HOST/commands/COMMAND` for each, or `.../commands/+` for all, to a list of your
+own. Mosquitto acknowledges a request that it refuses and drops it: the host gets no answer.
+"""
 
 
 def document() -> str:
@@ -21,7 +29,11 @@ def document() -> str:
     answers = {each.name: each for each in described if each.name.endswith(ANSWER)}
     requests = [each for each in described if each.name + ANSWER in answers]
     others = [each for each in described if each not in requests and each.name not in answers]
+    names = ((Kind.HOST, "HOST"), (Kind.DEVICE, device_name("LOCATION")))
+    clients = [Identity(kind=kind, name=name, certificate=1) for kind, name in names]
+    allowed = access_list(clients, SiteTopics()).partition("\n\n")[2]
     sections = (
+        ("What the broker must allow", (ALLOWED.lstrip(), "```", allowed.rstrip(), "```")),
         ("Requests of hosts", _requests(requests)),
         ("Statuses", _messages(each for each in others if "device" not in each.name)),
         ("Peripheral devices", _messages(each for each in others if "device" in each.name)),

@@ -44,6 +44,8 @@ class Notice:
     """Whether it began; otherwise it ended."""
     at: float
     """Monotonic time, seconds."""
+    link: str = ""
+    """Address of its section of the runbook."""
 
     @property
     def name(self) -> str:
@@ -62,7 +64,12 @@ class Receiver:
             def do_POST(self) -> None:
                 body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
                 receiver.notices += [
-                    Notice(frozenset(each["labels"].items()), each["status"] == "firing", time.monotonic())
+                    Notice(
+                        frozenset(each["labels"].items()),
+                        each["status"] == "firing",
+                        time.monotonic(),
+                        each["annotations"]["runbook_url"],
+                    )
                     for each in body["alerts"]
                 ]
                 self.send_response(200)

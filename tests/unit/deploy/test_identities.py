@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from nena_deploy.identities import (
@@ -12,6 +14,8 @@ from nena_deploy.identities import (
     host_name,
     robot_name,
 )
+from nena_order_service.api.asyncapi import channels
+from nena_shared.fleet_api.topics import FleetTopics
 
 
 @pytest.mark.parametrize(
@@ -74,6 +78,13 @@ def test_host_publishes_under_its_own_name() -> None:
     ]
     assert "read nena/v1/hosts/wms/#" in rules
     assert not [each for each in rules if "uagv" in each or "vda5050" in each]
+
+
+def test_host_reads_each_status_of_the_mqtt_api() -> None:
+    published = [each for each in channels(FleetTopics()) if each.action == "send" and each.retained]
+    topics = [re.sub(r"{\w+}", "+", each.address) for each in published]
+    assert len(topics) > 3
+    assert {f"read {topic}" for topic in topics} <= {*rules_of(Kind.HOST, "wms")}
 
 
 def test_a_device_takes_the_jobs_of_its_location() -> None:

@@ -169,7 +169,7 @@ def _rules_of(identity: Identity, topics: SiteTopics) -> Iterator[str]:
             statuses = (fleet.all_order_statuses, fleet.all_sequence_statuses, fleet.all_vehicle_statuses)
             yield from (f"read {status}" for status in statuses)
             yield f"read {fleet.all_peripherals(PeripheralTopic.STATUS)}"
-            yield f"read {fleet.plant_model}"
+            yield from (f"read {topic}" for topic in (fleet.service_status, fleet.plant_model))
         case Kind.DEVICE:
             yield from _of_device(identity.name.removeprefix(DEVICES), fleet)
         case Kind.ORDER_SERVICE:
