@@ -16,7 +16,7 @@ from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_status_aggregator.fleet.events import Code, Event
 from support.fleet_examples import ROBOT, connection, position, state
-from support.panel import Hall, becomes, findings, opened, picture, seconds_now
+from support.panel import LABELS, Hall, becomes, findings, opened, picture, seconds_now
 from support.panel_history import recorded
 from support.waiting import PATIENCE, awaited
 
@@ -106,6 +106,9 @@ LOOKS = """() => document.querySelector("nena-fleet-map").replayed?.robots.map(
 )"""
 
 
+JAMMED = f"() => ({LABELS})().some((text) => text.includes('jam: 7'))"
+
+
 def changed(time: datetime, robot: str, condition: str, **values: str) -> Event:
     return Event(time, Code.CONDITION, "", robot, values={"condition": condition, **values})
 
@@ -123,6 +126,8 @@ async def test_what_waits_or_needs_a_person_looks_as_it_did_live(
         return begin + timedelta(minutes=number)
 
     r1, gone = "ACME/r1", "ACME/gone"
+    area = {"xMin": 7.0, "yMin": 3.0, "xMax": 9.0, "yMax": 5.0}
+    stop = {"stop": "S-1", "by": "Anna", "reason": "oil", **area}
     events = [
         placed(minute(0), r1, 3),
         changed(minute(0), r1, "BUSY", before="IDLE", reason="driving"),
@@ -133,7 +138,11 @@ async def test_what_waits_or_needs_a_person_looks_as_it_did_live(
             minute(12), gone, "WAITING", before="BUSY", reason="waits_passing", at="Middle 3", vehicles="r2"
         ),
         changed(minute(14), r1, "BLOCKED", before="BUSY", reason="emergency_stop", how="remotely"),
+        Event(minute(14.5), Code.JAM, "", r1, values={"robots": 7}),
+        Event(minute(14.6), Code.STOP, "", values={"active": True, **stop}),
         Event(minute(16), Code.ROBOT_FORGOTTEN, "", gone),
+        Event(minute(16.2), Code.JAM, "", r1, values={"robots": 0}),
+        Event(minute(16.4), Code.STOP, "", values={"active": False, **stop}),
     ]
     async with hall.connected(*recorded(tmp_path, events)):
         hall.publish_plant()
@@ -149,8 +158,14 @@ async def test_what_waits_or_needs_a_person_looks_as_it_did_live(
             ):
                 await page.evaluate(f"({SLIDE})({minute(number).timestamp() * 1000:.0f})")
                 await becomes(page, LOOKS, None, lambda found, shown=shown: found == shown)  # type: ignore[misc]
+                jammed, areas = number == 15, [area] if number == 15 else []
+                await becomes(page, JAMMED, None, lambda found, jammed=jammed: found is jammed)  # type: ignore[misc]
+                assert await page.evaluate("document.querySelector('nena-fleet-map').replayed.areas") == areas
                 if number == 15:
                     await picture(page, "history-urgent")
+            events = page.locator("nena-history-page .history")
+            await expect(events).to_contain_text("Anna (oil): Stop ended")
+            await expect(events).to_contain_text("7 robots wait behind it")
 
 
 async def test_an_hour_of_many_robots_is_replayed_from_its_begin(

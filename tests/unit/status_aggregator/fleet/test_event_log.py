@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from nena_shared.fleet_api.stops import Area, StopStatus
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.fleet_api.transport_order import OrderOutcome, TransportOrderState
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.events import Code, Event, Outcome
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
+from nena_status_aggregator.fleet.queues import JamLimits
 from support.fleet_examples import ROBOT, START, connection, order_status, position, vehicle_status, way
 from support.fleet_examples import timestamp as at
 from support.fleet_records import state
@@ -186,6 +188,34 @@ def test_new_cause_of_waiting_is_logged() -> None:
         recorded.model.flush(at(number))
     reasons = [each.values["reason"] for each in recorded.published if each.code is Code.CONDITION]
     assert reasons == ["waiting_for_release", "waits_passing", "waits_standing"]
+
+
+def test_jams_and_stops_are_logged_for_the_replay() -> None:
+    recorded = Recorded(jam=JamLimits(robots=1, seconds=0))
+    for second, behind in ((0, 3), (1, 3), (2, 0)):
+        for number in range(4):
+            key = RobotKey("ACME", f"r{number}")
+            wait = TrafficWait(vehicles=("V-0",), at="B", cause=WaitCause.PASSES, reason="waits")
+            told = vehicle_status(f"V-{number}", robot=key, wait=wait if 0 < number <= behind else None)
+            recorded.model.on_vehicle_status(told, at(second))
+            recorded.model.on_state(key, state(second + 1, robot=key, at=second), at(second))
+        recorded.model.flush(at(second))
+    jams = [(each.robot, each.values) for each in recorded.published if each.code is Code.JAM]
+    assert jams == [("ACME/r0", {"robots": 3}), ("ACME/r0", {"robots": 0})]
+
+    stop = StopStatus(
+        name="S-1", by="Anna", reason="oil", since=START, area=Area(x_min=0, y_min=1, x_max=2, y_max=3)
+    )
+    recorded.model.direct_stops = (stop,)
+    recorded.model.flush(at(3))
+    recorded.model.flush(at(4))
+    recorded.model.direct_stops = ()
+    recorded.model.flush(at(5))
+    stops = [each.values for each in recorded.published if each.code is Code.STOP]
+    assert [(each["stop"], each["active"], each["by"], each["xMax"]) for each in stops] == [
+        ("S-1", True, "Anna", 2),
+        ("S-1", False, "Anna", 2),
+    ]
 
 
 def test_first_connection_of_a_run_is_marked() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Iterator
 from datetime import timedelta
@@ -45,9 +46,37 @@ def test_replay_begins_with_what_was_before_it(engine: Engine) -> None:
         "x": [300, 100],
         "y": [50, 0],
         "theta": [100, 100],
-        "looks": [(0, "BUSY", False, 0), (0, "ERROR", True, 0), (50, "ERROR", True, 1)],
+        "looks": [(0, "BUSY", False, 0, 0), (0, "ERROR", True, 0, 0), (50, "ERROR", True, 1, 0)],
     }
     assert found["recordedSince"] == "2025-12-31T23:58:20.000Z"
+
+
+def test_jams_and_stopped_areas_are_replayed_until_their_end_or_a_restart(engine: Engine) -> None:
+    area = {"xMin": 1.0, "yMin": 2.0, "xMax": 3.0, "yMax": 4.0}
+
+    def stop(second: float, name: str, *, active: bool, **more: float) -> Event:
+        return event(second, Code.STOP, "", stop=name, active=active, by="Anna", reason="oil", **more)
+
+    restart = event(30, Code.LINK, "", connected=True, started=True)
+    condition = event(-90, Code.CONDITION, condition="ERROR", reason="error")
+    jams = [event(-70, Code.JAM, robots=9), event(10, Code.JAM, robots=12), event(40, Code.JAM, robots=5)]
+    stops = [
+        stop(-60, "old", active=True, **area),
+        stop(-50, "old", active=False),
+        stop(-40, "S-1", active=True, **area),
+        stop(5, "everywhere", active=True),
+        stop(20, "S-1", active=False),
+        stop(25, "S-2", active=True, **area),
+        stop(45, "S-3", active=True, **area),
+    ]
+    events = sorted([condition, *jams, *stops, restart], key=lambda each: each.time)
+    database.write(engine, [dataclasses.replace(each, robot=each.robot or None) for each in events])
+    found = replay(engine, 60)
+    (robot,) = (each for each in found["robots"] if each["looks"])
+    assert [(look[0], look[4]) for look in robot["looks"]] == [(0, 0), (0, 9), (100, 12), (300, 0), (400, 5)]
+    shown = [(each["begin"], each["end"]) for each in found["stops"]]
+    assert shown == [(0, 200), (250, 300), (450, None)]
+    assert found["stops"][0]["area"] == area
 
 
 def test_positions_are_thinned_to_the_last_one_of_each_step(
@@ -107,5 +136,5 @@ def test_reading_a_shift_takes_little_more_than_reading_its_positions(
     spent = time.process_time() - begin
     engine.dispose()
     thinned = sum(len(robot["times"]) for robot in found["robots"])
-    assert thinned <= 310_000
+    assert thinned <= 250_000
     assert spent < 5 * yardstick + 0.1, f"{spent:.2f} s, yardstick {yardstick:.2f} s"

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from math import hypot
 
+from nena_shared.fleet_api.stops import StopStatus
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.vda5050.state import State
 from nena_status_aggregator.fleet.condition import Condition, ConditionReason
@@ -34,6 +35,8 @@ class EventLog:
         self._statistics = statistics
         self._publish = publish
         self._track_distance = track_distance
+        self._jams: dict[str, int] = {}
+        self._stops: dict[str, StopStatus] = {}
         self._started = False
         """Whether the program has been connected to the broker."""
 
@@ -115,6 +118,26 @@ class EventLog:
             }
         text = f"{now.state}: {values['reason']}"
         self._publish(Event(at.utc, Code.TRANSPORT_ORDER, text, order=now.name, values=values))
+
+    def log_jams(self, jams: dict[str, int], at: Timestamp) -> None:
+        """Log the numbers of robots that wait behind the heads of jams, by the IDs of the heads."""
+        for robot in self._jams | jams:
+            robots = jams.get(robot, 0)
+            if robots != self._jams.get(robot, 0):
+                text = f"{robots} robots wait behind it." if robots else "The jam behind it is over."
+                self._publish(Event(at.utc, Code.JAM, text, robot, values={"robots": robots}))
+        self._jams = jams
+
+    def log_stops(self, stops: Iterable[StopStatus], at: Timestamp) -> None:
+        """Log the stops that have begun or ended."""
+        now = {stop.name: stop for stop in stops}
+        for name, stop in (self._stops | now).items():
+            if (name in now) is not (name in self._stops):
+                values: Values = {"stop": name, "active": name in now, "by": stop.by, "reason": stop.reason}
+                area = stop.area.model_dump(by_alias=True) if stop.area else {}
+                text = f"{'Stop' if name in now else 'End of the stop'} by {stop.by}: {stop.reason}"
+                self._publish(Event(at.utc, Code.STOP, text, values=values | area))
+        self._stops = now
 
     def log_link(self, *, connected: bool, at: Timestamp) -> None:
         """Log that the broker connection was established or lost."""

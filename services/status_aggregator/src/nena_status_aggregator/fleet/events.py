@@ -47,6 +47,11 @@ class Code(StrEnum):
     """The robot changed to another map; `mapId`, `before`."""
     POSITION = "position"
     """The robot moved by the configured distance; `x`, `y` in m, `theta` in rad, `mapId`."""
+    JAM = "jam"
+    """The number of robots that wait behind the robot changed; `robots`, 0: no jam."""
+    STOP = "stop"
+    """A stop began or ended; `stop` (name), `active`, `by`, `reason`, of an area also `xMin`, `yMin`, `xMax`,
+    `yMax` in m."""
     ROBOT_FORGOTTEN = "robotForgotten"
     """A silent robot was removed for a new one."""
     TRANSPORT_ORDER = "transportOrder"

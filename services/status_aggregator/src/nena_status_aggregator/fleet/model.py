@@ -424,13 +424,17 @@ class FleetModel:
         # While it is up, the time of each heartbeat would be a change for all clients.
         down_since = iso(sign) if sign and up is False else None
         # What it has said about the robots is out of date while it is down; they themselves are not.
-        known = self.order_service.stops if up else map(self.count_paused, self.order_service.stops)
+        known = [*(self.order_service.stops if up else map(self.count_paused, self.order_service.stops))]
         stops = [view_stop(stop) for stop in known]
         stops += [view_stop(stop, direct=True) for stop in self.direct_stops]
         lacks = [*self.order_service.broker_lacks]
         status: OrderServiceView = {"up": up, "lastSign": down_since, "stops": stops, "brokerLacks": lacks}
         self._public.order_service = status
-        self._public.jams = [view_jam(jam) for jam in self.queues.find_jams(at)]
+        jams, keys = self.queues.find_jams(at), self._key_of_vehicle
+        self._public.jams = [view_jam(jam) for jam in jams]
+        heads = {str(keys[name]): jam.robots for jam in jams for name in jam.end if name in keys}
+        self._event_log.log_jams(heads, at)
+        self._event_log.log_stops((*known, *self.direct_stops), at)
         self._public.attention = [*self.attention.matters]
         return self._public.flush(self._view_robot, self._view_order, self._view_peripheral)
 

@@ -6,14 +6,15 @@ from typing_extensions import TypedDict
 
 from nena_status_aggregator.fleet.condition import URGENT
 
-POSITIONS_LIMIT = 300_000
-"""Number of positions to which a replay is thinned: every 5 s of 50 robots in 8 hours."""
+POSITIONS_LIMIT = 240_000
+"""Number of positions to which a replay is thinned: 50 robots every 6 s in 8 hours, a frame at 60 times."""
 
 TENTH = 100
 """ms."""
 
-Look = tuple[int, str | None, bool, int]
-"""Tenths of a second after ``since``, condition (null: none), whether the robot is urgent, its loads."""
+Look = tuple[int, str | None, bool, int, int]
+"""Tenths of a second after ``since``, condition (null: none), whether the robot is urgent, its loads, and the
+number of robots in a jam behind it."""
 
 
 class RobotReplay(TypedDict):
@@ -33,6 +34,16 @@ class RobotReplay(TypedDict):
     looks: list[Look]
 
 
+class StopReplay(TypedDict):
+    """A stop of an area."""
+
+    begin: int
+    """Tenths of a second after ``since``."""
+    end: int | None
+    """null: it has not ended."""
+    area: dict[str, float]
+
+
 class Replay(TypedDict):
     """The replay of a time range."""
 
@@ -44,6 +55,7 @@ class Replay(TypedDict):
     step: float
     """At most one position of a robot in this time, s."""
     robots: list[RobotReplay]
+    stops: list[StopReplay]
 
 
 def step_of(span: int, robots: int) -> int:
@@ -60,7 +72,7 @@ class Track:
         self.replay: RobotReplay = {"robot": robot, "times": [], "x": [], "y": [], "theta": [], "looks": []}
         self._since = since
         self._time = self._x = self._y = 0
-        self._look: tuple[str | None, bool, int] = None, False, 0
+        self._look: tuple[str | None, bool, int, int] = None, False, 0, 0
 
     def add_position(self, time: int, x: int, y: int, theta: int) -> None:
         """Add a position, cm and hundredths of a rad; one before the range is that at its begin."""
@@ -73,16 +85,20 @@ class Track:
 
     def add_condition(self, time: int, condition: str | None, reason: str | None, before: str | None) -> None:
         """Add a change of the condition (None: the robot was removed); the first tells what was before."""
-        looks, loads = self.replay["looks"], self._look[2]
-        if before and not looks:
-            self._add_look(self._since, (before, False, loads))
-        self._add_look(time, (condition, reason in URGENT, loads))
+        rest = self._look[2:]
+        if before and not self.replay["looks"]:
+            self._add_look(self._since, (before, False, *rest))
+        self._add_look(time, (condition, reason in URGENT, *rest))
 
     def add_loads(self, time: int, loads: int) -> None:
         """Add a change of the number of loads."""
-        self._add_look(time, (*self._look[:2], loads))
+        self._add_look(time, (*self._look[:2], loads, self._look[3]))
 
-    def _add_look(self, time: int, look: tuple[str | None, bool, int]) -> None:
+    def add_jam(self, time: int, robots: int) -> None:
+        """Add a change of the number of robots in a jam behind it."""
+        self._add_look(time, (*self._look[:3], robots))
+
+    def _add_look(self, time: int, look: tuple[str | None, bool, int, int]) -> None:
         if look != self._look:
             self._look = look
             self.replay["looks"].append((self._offset(time), *look))

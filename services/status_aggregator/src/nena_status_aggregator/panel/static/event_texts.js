@@ -26,12 +26,14 @@ const PARTS = {
   errorCleared: ({ errorType }) => ({ name: errorType }),
   errorRaised: ({ errorType, description }) => ({ name: errorType, words: description }),
   historyGap: ({ dropped }) => ({ text: plural("eventLog.historyGap", dropped) }),
+  jam: ({ robots }) => ({ text: robots ? plural("queue.title", robots) : t("eventLog.jam.over") }),
   link: ({ connected }) => ({ text: t(connected ? "link.back" : "eventLog.link.lost") }),
   loads: ({ loads }) => ({ text: loads ? plural("robots.loads", loads) : t("fact.noLoads") }),
   map: ({ mapId }) => ({ name: mapId }),
   operatingMode: ({ mode }) => ({ text: t(`mode.${mode}`) }),
   orderEnded: ({ orderId, outcome }) => ({ name: nameOf(orderId), text: t(`eventLog.orderEnded.${outcome}`) }),
   orderTaken: ({ orderId }) => ({ name: nameOf(orderId) }),
+  stop: ({ active, by, reason }) => ({ name: `${by} (${reason})`, text: t(active ? "done.stop" : "done.stopEnded") }),
   transportOrder: (values) => (values.reason === undefined ? null : withReason(t(`state.${shownState(values)}`), values)),
 };
 

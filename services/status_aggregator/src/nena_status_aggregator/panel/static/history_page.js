@@ -9,7 +9,7 @@ import { backLink, parameters, setParameters } from "./router.js";
 
 const CODES = [
   "condition", "connection", "operatingMode", "orderTaken", "orderEnded", "actionEnded", "errorRaised",
-  "errorCleared", "charging", "loads", "map", "transportOrder", "link", "historyGap",
+  "errorCleared", "charging", "loads", "map", "transportOrder", "jam", "stop", "link", "historyGap",
 ];
 
 function queryOf({ since, until }, { robot, order, problems }, codes) {
@@ -31,7 +31,7 @@ const GROUPED = 1000; // events, when they are grouped by order
 const LIST_FRAMES = 10; // of a replay, after which the list follows it
 const MARKS = 300; // on the slider
 
-/** Fires `replay` with the robots to show on the map; null: live data. */
+/** Fires `replay` with what to show on the map, `{robots, areas, time}`; null: live data. */
 class HistoryPage extends HTMLElement {
   #shown = null; // the replay
   #playing = null;
@@ -232,7 +232,7 @@ class HistoryPage extends HTMLElement {
     const time = Number(this.slider.value);
     setText(this.clock, dateAndTime(time));
     setAttribute(this.slider, "aria-valuetext", dateAndTime(time));
-    if (this.#shown) this.#replay(this.#shown.robotsAt(time, this.fleet.store.robots));
+    if (this.#shown) this.#replay({ robots: this.#shown.robotsAt(time, this.fleet.store.robots), areas: this.#shown.areasAt(time), time: dateAndTime(time) });
   }
 
   // List the events up to the slider's time. While one request runs, only the latest time waits for the next.
@@ -306,9 +306,8 @@ class HistoryPage extends HTMLElement {
     if (this.play) setText(this.play, t("history.play"));
   }
 
-  #replay(robots) {
-    const time = robots && dateAndTime(Number(this.slider.value));
-    this.dispatchEvent(new CustomEvent("replay", { detail: robots && { robots, time } }));
+  #replay(detail) {
+    this.dispatchEvent(new CustomEvent("replay", { detail }));
   }
 }
 

@@ -13,9 +13,11 @@ export async function loadReplay({ since, until }, signal) {
 
 class Replay {
   #since;
+  #stops;
   #tracks;
 
-  constructor({ since, recordedSince, robots }) {
+  constructor({ since, recordedSince, robots, stops }) {
+    this.#stops = stops;
     this.#since = Date.parse(since);
     this.#tracks = new Map(robots.map((each) => [each.robot, trackOf(each)]));
     this.recordedSince = recordedSince && Date.parse(recordedSince);
@@ -27,8 +29,18 @@ class Replay {
 
   /** Return the robots at a time, as the map needs them. `known`: the present ones, by ID, with their names and bodies. */
   robotsAt(time, known) {
-    const tenths = (time - this.#since) / TENTH;
+    const tenths = this.#tenths(time);
     return [...this.#tracks].map(([id, track]) => robotAt(id, track, tenths, known.get(id))).filter((robot) => robot?.position);
+  }
+
+  /** Return the areas that were stopped at a time. */
+  areasAt(time) {
+    const tenths = this.#tenths(time);
+    return this.#stops.filter(({ begin, end }) => begin <= tenths && tenths < (end ?? Infinity)).map(({ area }) => area);
+  }
+
+  #tenths(time) {
+    return (time - this.#since) / TENTH;
   }
 }
 
@@ -43,10 +55,10 @@ function sums(differences) {
 
 // A robot that did not move is at its present place; null: there was no such robot at this time.
 function robotAt(id, track, time, known) {
-  const [, condition, urgent, loads] = track.looks[lastUpTo(track.lookTimes, time)] ?? [];
+  const [, condition, urgent, loads, jam] = track.looks[lastUpTo(track.lookTimes, time)] ?? [];
   if (!condition) return null;
   const position = track.times.length ? placeAt(track, time) : known?.position;
-  return { id, name: known?.name ?? id, body: known?.body, condition, urgent, loads: Array(loads), position };
+  return { id, name: known?.name ?? id, vehicle: { name: id }, body: known?.body, condition, urgent, loads: Array(loads), jam, position };
 }
 
 // Between two positions, a robot moves in a straight line.

@@ -381,9 +381,9 @@ class FleetMap extends HTMLElement {
     if (followed) this.view.centre(followed.x, followed.y);
     const grids = this.#grids.of(this.store.robots.values(), selected);
     const traffic = this.#traffic.vehicles;
-    const jams = this.replayed ? new Map() : jamsByVehicle(this.store.jams);
+    const jams = this.replayed ? new Map(this.replayed.robots.flatMap(({ id, jam }) => (jam ? [[id, jam]] : []))) : jamsByVehicle(this.store.jams);
     const { place, layers: { chosen: layers } } = this;
-    const stopped = this.replayed ? [] : this.store.orderService.stops.map(({ area }) => area);
+    const stopped = this.replayed ? this.replayed.areas : this.store.orderService.stops.map(({ area }) => area);
     const areas = [...stopped, this.area].filter(Boolean);
     const [waiting, zones] = [this.#waiting.shares, this.#zones.list];
     const scene = { plan: this.#plan, grids, robots: this.#robots(), selected, place, colours, layers, pose, traffic, jams, areas, waiting, zones };
