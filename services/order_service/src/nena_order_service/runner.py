@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Collection, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from types import MappingProxyType
@@ -24,7 +24,6 @@ from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel
 from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import Supervisor, end
-from nena_shared.vda5050.topics import RobotKey
 
 log = get_logger(__name__)
 
@@ -158,15 +157,13 @@ class ServiceRunner:
     async def _replace_service(self, service: OrderService, commit: Callable[[], Awaitable[None]]) -> None:
         """Run ``service`` in place of the present one, from what is stored after ``commit``."""
         old = self.service
-        # Not waited for again: a location that is locked does not hold the fleet for half a minute.
-        absent = old.engine.absent_robots()
         tasks, self._tasks = self._tasks, []
         await end(*tasks)
         await old.end()
         await commit()
         self.service = service
         try:
-            await self._begin_service(service, absent, old.extensions)
+            await self._begin_service(service, old.extensions)
         except StoreNotReadyError as error:
             # Not an answer to a host: no engine is active any more, so the program must exit.
             message = "the order service cannot continue from its store: it is unavailable"
@@ -176,10 +173,9 @@ class ServiceRunner:
     async def _begin_service(
         self,
         service: OrderService,
-        absent: Collection[RobotKey] = (),
         previous: Mapping[str, Extension] = MappingProxyType({}),
     ) -> None:
-        await service.begin(self._start_task, absent, previous)
+        await service.begin(self._start_task, previous)
 
         async def request_restart() -> None:
             await service.engine.unit_of_work.failed.wait()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable, Collection, Iterable, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from functools import cache, partial
 from itertools import chain
 from secrets import token_hex
@@ -51,7 +51,7 @@ from nena_shared.plant import PlantModel
 from nena_shared.settings import settings_of
 from nena_shared.tasks import forever
 from nena_shared.vda5050.message_reader import MessageReader
-from nena_shared.vda5050.topics import RobotKey, TopicScheme
+from nena_shared.vda5050.topics import TopicScheme
 
 log = get_logger(__name__)
 
@@ -184,19 +184,17 @@ class OrderService:
     async def begin(
         self,
         start: Callable[..., asyncio.Task[None]],
-        absent: Collection[RobotKey] = (),
         previous: Mapping[str, Extension] = MappingProxyType({}),
     ) -> None:
         """Restore the store's content, then start all parts; ``start`` starts their tasks.
 
-        ``absent``: robots that need not be waited for, see :meth:`Engine.absent_robots`.
         ``previous``: the extensions of the order service that this one replaces.
         """
         await self.hosts.load()
         for name, extension in self.extensions.items():
             await extension.begin(previous.get(name))
         await asyncio.to_thread(self.engine.prepare)
-        await self.engine.start(self.fleet, absent)
+        await self.engine.start(self.fleet)
         start("mqtt", self._once_elected(self.mqtt.run))
         start("fleet control", self.fleet.run())
         start("engine", self.engine.run())

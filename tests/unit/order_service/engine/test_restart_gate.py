@@ -15,7 +15,7 @@ from support.clocks import ManualClock
 from support.order_service import request
 from support.pausing import turn_passes
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_context, make_engine, sent, status_of
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_context, make_engine, sent, status_of
 
 PLANT = PlantModel(name="two", vehicles=(Vehicle(name="V1"), Vehicle(name="V2")))
 
@@ -170,20 +170,18 @@ async def test_a_vehicle_that_others_do_not_avoid_is_not_waited_for(level: Integ
 
 
 async def test_a_changed_plant_model_does_not_wait_again_for_a_robot_that_does_not_exist() -> None:
-    clock, settings = ManualClock(), EngineSettings(restart_patience=30.0)
-    fleet, store = ScriptedFleet({"V1": "A"}, unheard={"V2"}), MemoryStore()
-    engine = await make_engine(PLANT, store, fleet, clock=clock, settings=settings)
-    assert engine.absent_robots() == frozenset(), "it may still answer"
-    clock.advance(30.0)
-    assert engine.absent_robots() == {key("V2")}
+    fleet, store = ScriptedFleet({}, unheard={"V2"}), MemoryStore()
+    plant = PlantModel(name="one", points=(point("A"),), vehicles=PLANT.vehicles)
+    engine = await make_engine(plant, store, fleet)
+    assert not engine._gate.is_open, "it may stand anywhere"
+    fleet.appear("V1", "A")
+    vehicle = engine.registry.named("V2")
+    assert vehicle
+    engine.set_integration_level(vehicle, IntegrationLevel.TO_BE_UTILIZED)
 
-    again = Engine(make_context(PLANT, clock=clock, settings=settings), store)
-    await again.start(fleet, engine.absent_robots())
+    again = Engine(make_context(plant), store)
+    await again.start(fleet)
     assert again._gate.is_open
-    assert again.absent_robots() == {key("V2")}
-
-    fleet.appear("V2", "A")
-    assert again.absent_robots() == frozenset()
 
 
 async def test_an_order_is_sent_as_soon_as_the_gate_opens() -> None:

@@ -30,7 +30,7 @@ from nena_order_service.engine.stops import STOP, STOPPED_ROBOT, FleetStop, Stop
 from nena_order_service.engine.traffic_plan import TrafficPlans
 from nena_order_service.engine.unit_of_work import UnitOfWork
 from nena_order_service.fleet import outputs
-from nena_order_service.fleet.robot import LinkStatus, RobotView
+from nena_order_service.fleet.robot import RobotView
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.peripherals.jobs import PeripheralJob
 from nena_order_service.store.store import Store
@@ -135,11 +135,8 @@ class Engine:
         """Restore the stops from before a restart; call it before :meth:`start`."""
         self.stops.load(await self.store.documents(STOP), await self.store.documents(STOPPED_ROBOT))
 
-    async def start(self, fleet: FleetControl, absent: Collection[RobotKey] = ()) -> None:
-        """Restore unfinished orders and vehicles from the store; call it before the first robot message.
-
-        ``absent``: robots that need not be waited for, see :meth:`absent_robots`.
-        """
+    async def start(self, fleet: FleetControl) -> None:
+        """Restore unfinished orders and vehicles from the store; call it before the first robot message."""
         self.context.connect(fleet)
         stored = await self.store.read_unfinished()
         self.state.orders.last_number = stored.last_number
@@ -151,7 +148,7 @@ class Engine:
         recovery = Recovery(self.context, self._gate)
         with self.change():
             self.peripherals.restore(jobs)
-            recovery.restore_vehicles(absent, stored.relocations)
+            recovery.restore_vehicles(stored.relocations)
             self.state.sequences.rebind_vehicles(recovery.present_name)
             self.life_cycle.restore_orders(stored.orders, stored.drives, recovery)
             self._rerouting.reroute_off_locked_paths()
@@ -175,11 +172,6 @@ class Engine:
                 await asyncio.Event().wait()  # for ever: another engine is built from the store
             if vehicles:
                 vehicles_due = clock() + (thread_time() - begin) / CHECK_SHARE
-
-    def absent_robots(self) -> frozenset[RobotKey]:
-        """Return the robots that were waited for in vain after the start, and have not been heard since."""
-        views = (self.context.view(vehicle) for vehicle in self.registry if self._gate.is_open)
-        return frozenset(view.key for view in views if view.link is LinkStatus.UNKNOWN)
 
     def close(self, reason: str) -> None:
         """Accept no more changes, because another engine takes over the store."""

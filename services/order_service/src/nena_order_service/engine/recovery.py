@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 
 from pydantic import ValidationError
 
@@ -15,7 +15,6 @@ from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.log import get_logger
 from nena_shared.vda5050.malformed import problems_of
-from nena_shared.vda5050.topics import RobotKey
 
 log = get_logger(__name__)
 
@@ -32,18 +31,15 @@ class Recovery:
         self._vehicles = context.state.vehicles
         self._gate = gate
 
-    def restore_vehicles(self, absent: Collection[RobotKey], relocations: Iterable[str]) -> None:
-        """Restore the resources that stored vehicles held, and continue the ``relocations`` (documents).
-
-        Nothing waits for the first states of the ``absent``.
-        """
+    def restore_vehicles(self, relocations: Iterable[str]) -> None:
+        """Restore the resources that stored vehicles held, and continue the ``relocations`` (documents)."""
         vehicles = tuple(self._registry.discover(record.robot) for record in self._vehicles)
-        # Before the restart, the others drove without regard to vehicles that had never been heard.
+        # Before the restart, the others drove without regard to vehicles that had held nothing.
         is_first = not any(record.held for record in self._vehicles)
         self._gate.wait_for(
             vehicle
             for vehicle in self._registry
-            if vehicle.key not in absent and (is_first or vehicle.key in self._vehicles)
+            if is_first or self._vehicles.of(vehicle.key).held
             if self._vehicles.of(vehicle.key).integration_level.holds_resources
         )
         for vehicle in vehicles:
