@@ -6,12 +6,12 @@ from typing import Any, Literal
 import pytest
 from paho.mqtt.client import Client, MQTTMessage
 
+from nena_conversations.kit.honest_robot import ROBOT
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.vda5050.topics import Topic
 from support.broker import Broker, MqttPeer
 from support.edge_agent import FleetControl, agent_settings, running_agent
 from support.fleet import make_vda_order
-from support.honest_robot import ROBOT
 from support.waiting import until
 from support.wired_robot import WiredFleet, WiredRobot
 

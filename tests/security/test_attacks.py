@@ -14,12 +14,12 @@ from contextlib import ExitStack
 import httpx
 import pytest
 
+from nena_conversations.kit.honest_robot import HonestRobot
 from nena_shared.fleet_api.base import Role
 from nena_shared.mqtt import Outbound
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import codec_for
 from security.conftest import FILES, MESSAGES_BURST, OPEN, SERVICES, TlsSite
-from support.honest_robot import HonestRobot
 from support.running_site import ROBOT_1, ROBOT_2
 from support.waiting import PATIENCE, awaited
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from itertools import chain, count, pairwise
 from typing import Any, TypeVar
 
+from nena_conversations.kit.honest_robot import MAP, START, HonestRobot
 from nena_order_service.fleet.controller import FleetController, RobotControl
 from nena_order_service.fleet.outputs import (
     FleetOutput,
@@ -25,7 +26,6 @@ from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType, InstantActions
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePosition, Order
-from support.honest_robot import MAP, START, HonestRobot
 
 T = TypeVar("T")
 

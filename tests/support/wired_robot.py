@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import asynccontextmanager
 
+from nena_conversations.kit.honest_robot import HonestRobot
 from nena_order_service.fleet.link import FleetLink, RobotAddresses
 from nena_order_service.fleet.outputs import BrokerLinkChanged, FleetOutput, RobotChanged
 from nena_order_service.fleet.settings import FleetSettings
@@ -19,7 +20,6 @@ from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import codec_for
 from support.broker import BrokerAddress
-from support.honest_robot import HonestRobot
 from support.waiting import until
 
 QUICK = FleetSettings(

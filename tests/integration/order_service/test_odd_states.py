@@ -16,6 +16,7 @@ from typing import Any
 import httpx
 import pytest
 
+from nena_conversations.kit.honest_robot import MAP, HonestRobot
 from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.tasks import end
@@ -25,7 +26,6 @@ from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.state import OperatingMode
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import codec_for
-from support.honest_robot import MAP, HonestRobot
 from support.order_service_fleet import Fleet
 from support.pausing import time_passes
 from support.plants import path, point

@@ -15,6 +15,7 @@ from typing import Any, cast
 import httpx
 import pytest
 
+from nena_conversations.kit.honest_robot import MAP, ROBOT, HonestRobot
 from nena_order_service.fleet import link
 from nena_order_service.fleet.robot import LinkStatus
 from nena_shared.plant import PlantModel, Vehicle
@@ -23,7 +24,6 @@ from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey
 from support.broker import BrokerAddress, MqttPeer
 from support.fleet import make_vda_order, order_of
-from support.honest_robot import MAP, ROBOT, HonestRobot
 from support.order_service_fleet import Fleet, listening, running
 from support.plants import path, point
 from support.waiting import awaited, until

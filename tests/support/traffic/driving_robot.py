@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from nena_conversations.kit.honest_robot import HonestRobot
 from nena_shared.plant import PlantModel
 from nena_shared.plant.model import BlockType
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.order import Edge
-from support.honest_robot import HonestRobot
 
 SPEED_MM_S = 1000.0
 

@@ -156,13 +156,24 @@ def test_version_of_invalid_json_is_taken_from_the_topic() -> None:
 
 
 @pytest.mark.parametrize(("version", "section"), [("2.0.0", "6.6.1"), ("3.0.0", "6.1.1")])
-def test_a_graph_that_a_schema_would_let_pass_is_named(version: str, section: str) -> None:
+@pytest.mark.parametrize(
+    ("before", "after", "rule", "words"),
+    [
+        (b'"sequenceId":2', b'"sequenceId":4', Rule.SEQUENCE, "sequenceId 4, not 2"),
+        (b'"sequenceId":2,"released":true', b'"sequenceId":2,"released":false', Rule.BASE, "not both"),
+        (b'"edges":[', b'"edges":[],"others":[', Rule.GRAPH, "require 1 edges"),
+    ],
+)
+def test_a_graph_that_a_schema_would_let_pass_is_named(
+    *, version: str, section: str, before: bytes, after: bytes, rule: Rule, words: str
+) -> None:
     good = codec_for(version).encode(order("n0", "n1"))
-    talk = sent(version, "order", good.replace(b'"sequenceId":2', b'"sequenceId":4'))
+    assert before in good
+    talk = sent(version, "order", good.replace(before, after))
 
     (finding,) = talk.findings
-    assert (finding.rule, finding.section) == (Rule.GRAPH, section)
-    assert "sequenceId 4, not 2" in finding.text
+    assert (finding.rule, finding.section) == (rule, section)
+    assert words in finding.text
 
 
 @pytest.mark.parametrize("version", CODECS)
@@ -424,6 +435,46 @@ def test_actions_of_orders_are_offered(
     assert {each.severity for each in talk.findings} <= {Severity.WARNING}
 
 
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ({"arrays": {"order.nodes": 1}}, "nodes has a length of 2"),
+        ({"arrays": {"order.edges": 1}}, ""),
+        ({"arrays": {"node.actions": 1}}, "actions of node 'n0' has a length of 2"),
+        ({"strings": {"maximum_id_length": 4}}, "the ID 'n0-n1' has a length of 5"),
+        ({"strings": {"maximum_message_length": 100}}, "the message has a length of"),
+    ],
+)
+def test_orders_keep_the_limits_of_the_factsheet(limits: dict[str, Any], words: str) -> None:
+    talk = Talk().say(factsheet(**limits))
+    talk.order("n0", "n1", node_actions={"n0": [action("a"), action("b")]})
+    found = [each for each in talk.findings if each.rule is Rule.LIMITS]
+
+    assert [words in each.text for each in found] == ([True] if words else [])
+
+
+def test_instant_actions_keep_the_limits_of_the_factsheet() -> None:
+    talk = Talk().say(factsheet(arrays={"instantActions": 1})).act(action("a"), action("b"))
+
+    assert Rule.LIMITS in talk.rules
+
+
+@pytest.mark.parametrize(("pause", "rules"), [(1.0, []), (0.0, [Rule.ORDER_INTERVAL])])
+def test_orders_do_not_come_faster_than_the_factsheet_allows(pause: float, rules: list[Rule]) -> None:
+    talk = Talk().say(factsheet(order_interval=2.0)).order("n0", "n1", "n2", released=2).wait(pause)
+
+    assert talk.order("n1", "n2", first=2, update=1).rules == rules
+
+
+@pytest.mark.parametrize("connection", ["OFFLINE", "CONNECTION_BROKEN", "ONLINE"])
+def test_orders_are_for_robots_that_are_there(connection: str) -> None:
+    found = Talk().online(connection).order("n0", "n1").findings
+
+    assert [(each.rule, each.severity) for each in found] == (
+        [] if connection == "ONLINE" else [(Rule.OFFLINE, Severity.WARNING)]
+    )
+
+
 def test_instant_actions_are_offered() -> None:
     fine = Talk().say(offering(ActionScope.INSTANT)).act(action("a"))
     not_here = Talk().say(offering(ActionScope.NODE)).act(action("a"))
@@ -489,4 +540,5 @@ def test_retained_command_belongs_to_an_earlier_time() -> None:
     for _ in range(4):
         talk.state("n0", of="")
 
-    assert talk.findings == []
+    (finding,) = talk.findings
+    assert (finding.rule, finding.severity) == (Rule.RETAINED, Severity.WARNING)

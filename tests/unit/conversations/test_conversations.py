@@ -36,8 +36,8 @@ from support.robot_core import ACTIONS, WORK, Bench, at
 from support.talk import conversation
 
 FILES = sorted(FOLDER.glob("*.jsonl"))
-FOUND = {"refusals": [Rule.NOT_OFFERED]}
-"""What fleet control does wrong on purpose in a story: it asks a robot to dance."""
+FOUND = {"refusals": [Rule.START_NODE, Rule.NOT_OFFERED]}
+"""What fleet control does wrong on purpose in a story: it starts elsewhere, and asks a robot to dance."""
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 RETRIABLE = {
     name: replace(WORK, action_type=name) for name in ("pick", "drop", "wait", "failOnce", "failAlways")

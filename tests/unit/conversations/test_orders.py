@@ -10,7 +10,8 @@ from nena_conversations.rules import Rule, Severity
 from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
 from nena_shared.vda5050.state import OperatingMode
 from nena_shared.vda5050.versions import CODECS
-from support.robot_core import action
+from support.fleet_examples import position
+from support.robot_core import MAP, action
 from support.talk import Talk, doing
 
 
@@ -64,6 +65,22 @@ def test_update_starts_at_the_decision_point(version: str) -> None:
     assert horizon.rules == [Rule.STITCHING]
     assert earlier.rules == [Rule.STITCHING]
     assert "the base ends at 'n2' (4)" in earlier.texts
+
+
+@pytest.mark.parametrize(
+    ("x", "last", "map_id", "rules"),
+    [
+        (0.5, "", MAP, []),
+        (30.0, "n0", MAP, []),
+        (30.0, "", MAP, [Rule.START_NODE]),
+        (0.0, "", "other", [Rule.START_NODE]),
+    ],
+)
+def test_a_new_order_begins_where_the_robot_is(x: float, last: str, map_id: str, rules: list[Rule]) -> None:
+    place = {**position(x, 0.0), "map_id": map_id}
+    talk = Talk().state(last, of="", mobile_robot_position=place)
+
+    assert talk.order("n0", "n1").rules == rules
 
 
 @pytest.mark.parametrize(("version", "rules"), [("2.1.0", []), ("3.0.0", [Rule.STITCHING_NODE])])

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from nena_conversations.kit.honest_robot import HonestRobot
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.mqtt import Inbound
@@ -16,7 +17,6 @@ from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
 from nena_status_aggregator.mqtt import FleetSubscriber
 from nena_status_aggregator.settings import AggregatorSettings
 from support.fleet_examples import ROBOT, sample_plant
-from support.honest_robot import HonestRobot
 
 PLANT = sample_plant()
 MAP = PLANT.only_map()

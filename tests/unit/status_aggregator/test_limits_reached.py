@@ -7,6 +7,7 @@ from typing import Any
 
 from structlog.testing import capture_logs
 
+from nena_conversations.kit.honest_robot import HonestRobot
 from nena_shared.mqtt import Inbound
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import codec_for
@@ -16,7 +17,6 @@ from nena_status_aggregator.mqtt import LIMITS_LOGGED_EVERY
 from nena_status_aggregator.settings import AggregatorSettings
 from support.clocks import ManualClock
 from support.fleet_examples import order_status
-from support.honest_robot import HonestRobot
 
 
 def deliver(aggregator: Aggregator, topic: str, payload: bytes) -> None:

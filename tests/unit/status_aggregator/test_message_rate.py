@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from nena_conversations.kit.honest_robot import HonestRobot
 from nena_shared.clock import SystemClock
 from nena_shared.mqtt import Inbound
 from nena_shared.vda5050.connection import ConnectionState
@@ -13,7 +14,6 @@ from nena_status_aggregator.mqtt import FleetSubscriber
 from nena_status_aggregator.settings import AggregatorSettings
 from support.clocks import ManualClock
 from support.fleet_examples import ROBOT
-from support.honest_robot import HonestRobot
 
 OTHER = RobotKey("ACME", "other")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+from nena_conversations.kit.honest_robot import HonestRobot
 from nena_shared.clock import SystemClock
 from nena_shared.mqtt import Inbound
 from nena_shared.vda5050.versions import codec_for
@@ -11,7 +12,6 @@ from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
 from nena_status_aggregator.mqtt import FleetSubscriber
 from nena_status_aggregator.settings import AggregatorSettings
 from support.fleet_examples import ROBOT
-from support.honest_robot import HonestRobot
 
 
 async def test_an_old_state_changes_nothing() -> None:

@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
+from nena_conversations.kit.honest_robot import ROBOT
 from nena_order_service.fleet.robot import LinkStatus
 from nena_shared.mqtt import Outbound
 from nena_shared.vda5050.repair import RepairKind
 from nena_shared.vda5050.topics import Topic
 from support.broker import Broker
 from support.fleet import make_vda_order
-from support.honest_robot import ROBOT
 from support.waiting import until
 from support.wired_robot import QUICK, WiredFleet, WiredRobot
 

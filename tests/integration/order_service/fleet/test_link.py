@@ -9,6 +9,7 @@ from collections.abc import AsyncIterator
 import pytest
 from structlog.testing import capture_logs
 
+from nena_conversations.kit.honest_robot import ROBOT, HonestRobot
 from nena_order_service.fleet.outputs import VdaOrderFailed
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.settings import FleetSettings
@@ -20,7 +21,6 @@ from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import codec_for
 from support.broker import Broker, MqttPeer
 from support.fleet import make_vda_order
-from support.honest_robot import ROBOT, HonestRobot
 from support.schemas import schema_problems
 from support.waiting import until
 from support.wired_robot import PATIENT, QUICK, WiredFleet, WiredRobot

@@ -6,6 +6,7 @@ from itertools import chain, count
 
 import pytest
 
+from nena_conversations.kit.honest_robot import ROBOT, HonestRobot
 from nena_order_service.fleet.controller import RETAINED_WITHIN, FleetController
 from nena_order_service.fleet.outputs import InstantActionEnded, PublishInstantActions
 from nena_order_service.fleet.robot import LinkStatus
@@ -16,7 +17,6 @@ from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import OperatingMode
 from nena_shared.vda5050.topics import RobotKey
 from support.fleet import Bench, make_action, make_vda_order
-from support.honest_robot import ROBOT, HonestRobot
 
 
 def reconnect(bench: Bench, *, unread: bool = False) -> None:

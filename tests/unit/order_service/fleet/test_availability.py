@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from nena_conversations.kit.honest_robot import HonestRobot
 from nena_order_service.fleet.availability import significant_fields, vehicle_state_of
 from nena_order_service.fleet.outputs import RobotChanged
 from nena_order_service.fleet.robot import POSITION_WITHIN, LinkStatus, VdaOrderPhase
@@ -16,7 +17,6 @@ from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.state import OperatingMode
 from support.fleet import Bench, make_action, make_vda_order
 from support.fleet_examples import position, power, state
-from support.honest_robot import HonestRobot
 
 
 def reason(bench: Bench) -> str | None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from nena_conversations.kit.honest_robot import ROBOT, HonestRobot
 from nena_order_service.fleet.controller import RETAINED_WITHIN, STRAY_PAUSE, RobotControl
 from nena_order_service.fleet.failures import RobotBusyError
 from nena_order_service.fleet.outputs import PublishOrder, RobotChanged, VdaOrderFinished
@@ -19,7 +20,6 @@ from nena_shared.vda5050.state import NodeState, State
 from nena_shared.vda5050.topics import RobotKey
 from support.fleet import Bench, hand_over, make_vda_order
 from support.fleet_examples import factsheet
-from support.honest_robot import ROBOT, HonestRobot
 
 
 def test_robots_do_not_touch_each_other() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from nena_conversations.kit.honest_robot import HonestRobot
 from nena_order_service.fleet import failures
 from nena_order_service.fleet.instant_actions import retry_or_skip
 from nena_order_service.fleet.outputs import ActionRetriable, VdaOrderFinished
@@ -11,7 +12,6 @@ from nena_shared.fleet_api.reasons import Reason
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType
 from support.fleet import Bench, make_vda_order
-from support.honest_robot import HonestRobot
 
 
 @pytest.mark.clause("6.2.3/retryAsked")

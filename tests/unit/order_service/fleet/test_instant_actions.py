@@ -6,6 +6,7 @@ from itertools import count
 
 import pytest
 
+from nena_conversations.kit.honest_robot import HonestRobot
 from nena_order_service.fleet.instant_actions import CLEARING_PAUSE, LEAVING_WITHIN, InstantActionManager
 from nena_order_service.fleet.outputs import InstantActionEnded, PublishInstantActions
 from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, Robot
@@ -17,7 +18,6 @@ from nena_shared.vda5050.state import OperatingMode
 from support.fleet import Bench, make_vda_order
 from support.fleet import make_action as action
 from support.fleet_examples import factsheet
-from support.honest_robot import HonestRobot
 
 
 def ended(bench: Bench) -> InstantActionEnded:

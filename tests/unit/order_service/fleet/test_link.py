@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from paho.mqtt.client import topic_matches_sub
 
+from nena_conversations.kit.honest_robot import HonestRobot
 from nena_order_service.fleet.failures import RobotBusyError
 from nena_order_service.fleet.link import (
     SEARCHED_AFTER,
@@ -35,7 +36,6 @@ from nena_shared.vda5050.versions import codec_for
 from support.clocks import ManualClock
 from support.fleet import make_action, make_vda_order
 from support.fleet_examples import factsheet, state
-from support.honest_robot import HonestRobot
 from support.waiting import until
 
 pytestmark = pytest.mark.clause("4.2")

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nena_conversations.kit.honest_robot import ROBOT, HonestRobot
 from nena_order_service.fleet.failures import FailureKind
 from nena_order_service.fleet.order_execution import OrderExecution, read_progress
 from nena_order_service.fleet.outputs import (
@@ -25,7 +26,6 @@ from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, Er
 from nena_shared.vda5050.state import OperatingMode, State
 from support.fleet import Bench, make_vda_order
 from support.fleet_examples import state, way
-from support.honest_robot import ROBOT, HonestRobot
 
 
 def failure(bench: Bench) -> VdaOrderFailed:

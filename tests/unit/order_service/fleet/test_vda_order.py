@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from nena_conversations.kit.honest_robot import HonestRobot
 from nena_order_service.fleet.position import NotLocatedError, RobotProfile, Standing, locate
 from nena_order_service.fleet.vda_order import OperationMap, VdaOrder, build_vda_order, order_id
 from nena_order_service.routing.router import Router
@@ -17,7 +18,6 @@ from nena_shared.vda5050.order import Node, NodePosition
 from nena_shared.vda5050.state import MobileRobotPosition
 from support.fleet import order_of
 from support.fleet_examples import state
-from support.honest_robot import HonestRobot
 from support.plants import path, point
 
 PLANT = PlantModel(

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from nena_conversations.kit.honest_robot import HonestRobot
 from nena_order_service.fleet.controller import FleetController
 from nena_order_service.fleet.outputs import PublishResponses
 from nena_order_service.fleet.settings import FleetSettings, ReleasePolicy
@@ -22,7 +23,6 @@ from nena_shared.vda5050.request import (
 )
 from nena_shared.vda5050.state import EdgeState
 from nena_shared.vda5050.topics import RobotKey
-from support.honest_robot import HonestRobot
 
 pytestmark = pytest.mark.clause("6.9")
 

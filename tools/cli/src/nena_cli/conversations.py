@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import re
 import sys
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from os import getpid
 from pathlib import Path
@@ -23,7 +25,10 @@ from nena_conversations import broker
 from nena_conversations.broker import BrokerError, EntryFilter
 from nena_conversations.checker import Checker
 from nena_conversations.kit import report
-from nena_conversations.kit.clause import ClauseFailedError, Verdict
+from nena_conversations.kit.clause import Clause, ClauseFailedError, Verdict
+from nena_conversations.kit.fleet_clauses import FLEET_CLAUSES
+from nena_conversations.kit.fleet_run import ORDER_WITHIN, PACE, WATCH, PlayedSetup, judge_fleet
+from nena_conversations.kit.fleet_session import Ask, Wanted
 from nena_conversations.kit.run import RobotUnderTest, first_position, judge_robot
 from nena_conversations.kit.session import ANSWER_WITHIN
 from nena_conversations.message import Sender
@@ -42,6 +47,12 @@ app = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=P
 T = TypeVar("T")
 
 EXPECTED: Final = (RecordingError, BrokerError, ClauseFailedError, UnknownVersionError, ConfigurationError)
+
+MAX_PLAYED: Final = 10
+"""Maximum number of robots that a test plays."""
+PLAYED: Final = re.compile(
+    r"(?P<manufacturer>[^/@:]+)/(?P<serial>[^/@:]+)(?:@(?P<version>[\d.]+))?(?::(?P<place>.+))?"
+)
 
 FOUND: Final = 1
 """Exit status of a check that found errors."""
@@ -190,8 +201,18 @@ def check(
     raise typer.Exit(FOUND if errors or (strict and warnings) else 0)
 
 
-tests = typer.Typer(no_args_is_help=True, rich_markup_mode=PLAIN, help="Test a robot against VDA 5050.")
+tests = typer.Typer(
+    no_args_is_help=True, rich_markup_mode=PLAIN, help="Test a robot or a fleet control against VDA 5050."
+)
 app.add_typer(tests, name="test")
+
+OwnInterface = Annotated[
+    str | None, typer.Option("--interface", help="interfaceName (topic prefix); default: the standard's.")
+]
+Html = Annotated[Path | None, typer.Option(help="Write the report as one HTML file.")]
+Junit = Annotated[Path | None, typer.Option(help="Write the report as JUnit XML.")]
+JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the report as JSON.")]
+Recorded = Annotated[Path | None, typer.Option(help="Write all messages to this file.")]
 
 
 @tests.command("robot")
@@ -201,9 +222,7 @@ def judge(
     robot: Annotated[str, typer.Argument(metavar="MANUFACTURER/SERIAL", help="The robot.")],
     *,
     version: Annotated[str, typer.Option("--version", help="VDA 5050 version of the robot.")],
-    interface: Annotated[
-        str | None, typer.Option("--interface", help="interfaceName (topic prefix); default: the standard's.")
-    ] = None,
+    interface: OwnInterface = None,
     place: Annotated[
         list[str] | None,
         typer.Option(metavar="X,Y", help="Place in the robot's map that it may drive to, m; repeatable."),
@@ -218,10 +237,10 @@ def judge(
     ] = ANSWER_WITHIN,
     username: User = None,
     password_file: Password = None,
-    html: Annotated[Path | None, typer.Option(help="Write the report as one HTML file.")] = None,
-    junit: Annotated[Path | None, typer.Option(help="Write the report as JUnit XML.")] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the report as JSON.")] = None,
-    recording: Annotated[Path | None, typer.Option(help="Write all messages to this file.")] = None,
+    html: Html = None,
+    junit: Junit = None,
+    json_file: JsonFile = None,
+    recording: Recorded = None,
 ) -> None:
     """Act as a robot's fleet control and judge it clause by clause; status 1 if it violates one.
 
@@ -251,19 +270,152 @@ def judge(
                 address, tested, report=_print_verdict, client_id=client_id, answer_within=answer_within
             )
         )
-        about = {"robot": robot, "version": codec.version, "time": iso(datetime.now(UTC))}
-        Console(soft_wrap=True).print(report.table(verdicts))
-        if html:
-            html.write_text(report.as_html(verdicts, about), encoding="utf-8")
-        if junit:
-            junit.write_bytes(report.as_junit(verdicts, about))
-        if json_file:
-            json_file.write_bytes(report.as_json(verdicts, about))
-        if recording:
-            with new_file(recording) as out:
-                for entry in entries:
-                    append(entry, out)
-    echo(f"{report.summary(verdicts)}; VDA 5050 {codec.version}")
+        about = {"robot": robot, "version": codec.version}
+        _write_reports(verdicts, entries, about, Reports(html, junit, json_file, recording))
+
+
+@tests.command("fleet")
+def judge_fleet_control(
+    ctx: typer.Context,
+    url: Broker,
+    robots: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="MANUFACTURER/SERIAL[@VERSION][:X,Y]...",
+            help="Robots to play, 1 to 10, as the fleet control knows them; where they stand in its map, m.",
+        ),
+    ],
+    *,
+    version: Annotated[str, typer.Option("--version", help="Version of robots that name none.")] = "2.1.0",
+    interface: OwnInterface = None,
+    map_id: Annotated[str, typer.Option("--map", help="mapId of the robots.")] = "map",
+    action: Annotated[
+        list[str] | None, typer.Option(help="Type of an action that the robots can do; repeatable.")
+    ] = None,
+    clause: Annotated[
+        list[str] | None, typer.Option(help="Try only this clause, such as order/start; repeatable.")
+    ] = None,
+    order_interval: Annotated[
+        float, typer.Option(min=0, help="Shortest time between two orders that the robots declare, s.")
+    ] = 1.0,
+    command: Annotated[
+        str | None,
+        typer.Option(
+            help="Shell command that starts what $WANTED names (order, cancel, release) for $ROBOT."
+        ),
+    ] = None,
+    answer_within: Annotated[
+        float, typer.Option(min=0.1, help="Time for an order to come, s.")
+    ] = ORDER_WITHIN,
+    watch: Annotated[
+        float, typer.Option(min=0.3, help="How long to watch that something does not come, s.")
+    ] = WATCH,
+    pace: Annotated[float, typer.Option(min=0.02, help="Time of a robot for each node, s.")] = PACE,
+    username: User = None,
+    password_file: Password = None,
+    html: Html = None,
+    junit: Junit = None,
+    json_file: JsonFile = None,
+    recording: Recorded = None,
+) -> None:
+    """Play robots for a fleet control and judge what it sends; status 1 if it violates a clause.
+
+    Start orders when the command asks for them, or let --command do it.
+    """
+    if len(robots) > MAX_PLAYED:
+        fail(f"{len(robots)} robots are too many: at most {MAX_PLAYED} can be played")
+    client_id = f"nena-test-{getpid()}"
+    with _errors_reported():
+        setups = [
+            replace(
+                _played_robot(each, version, interface, map_id),
+                actions=tuple(action or ()),
+                order_interval=order_interval,
+            )
+            for each in robots
+        ]
+        address = broker.parse_address(url, username=username, password_file=password_file, tls=ctx.obj)
+        verdicts, entries = asyncio.run(
+            judge_fleet(
+                address,
+                setups,
+                _ask_with(command) if command else _ask_a_person,
+                clauses=_chosen(FLEET_CLAUSES, clause),
+                report=_print_verdict,
+                client_id=client_id,
+                answer_within=answer_within,
+                watch=watch,
+                pace=pace,
+            )
+        )
+        versions = ", ".join(dict.fromkeys(each.codec.version for each in setups))
+        about = {"fleet control": url.rpartition("@")[2], "version": versions}
+        _write_reports(verdicts, entries, about, Reports(html, junit, json_file, recording))
+
+
+def _chosen(clauses: Sequence[Clause[T]], names: list[str] | None) -> list[Clause[T]]:
+    if unknown := set(names or ()) - {each.id for each in clauses}:
+        known = ", ".join(each.id for each in clauses)
+        fail(f"There is no clause {', '.join(sorted(unknown))}; there are {known}")
+    return [each for each in clauses if not names or each.id in names]
+
+
+def _played_robot(text: str, version: str, interface: str | None, map_id: str) -> PlayedSetup:
+    found = PLAYED.fullmatch(text)
+    if not found:
+        fail(f"{text!r} is no robot: use MANUFACTURER/SERIAL, MANUFACTURER/SERIAL@2.1:X,Y with X and Y in m")
+    codec = codec_named(found["version"] or version)
+    x, y = _place_of(found["place"] or "0,0")
+    key = RobotKey(found["manufacturer"], found["serial"])
+    return PlayedSetup(key, codec, topics_for(codec.version, interface), (x, y, 0.0), map_id)
+
+
+async def _ask_a_person(wanted: Wanted, robot: RobotKey) -> None:
+    what = {
+        Wanted.ORDER: f"start an order for {robot}",
+        Wanted.CANCEL: f"cancel the order of {robot}",
+        Wanted.RELEASE: f"use {robot} again, if its refusals have put it out of service",
+    }
+    Console(soft_wrap=True, highlight=False).print(f"[bold]In the fleet control, please {what[wanted]}.[/]")
+
+
+def _ask_with(command: str) -> Ask:
+    async def ask(wanted: Wanted, robot: RobotKey) -> None:
+        environment = {**os.environ, "WANTED": wanted.value, "ROBOT": str(robot)}
+        done = await asyncio.create_subprocess_shell(command, env=environment)
+        if status := await done.wait():
+            echo(f"The command for {wanted.value} of {robot} ended with status {status}")
+
+    return ask
+
+
+@dataclass(frozen=True, slots=True)
+class Reports:
+    """Files to write about a test."""
+
+    html: Path | None
+    junit: Path | None
+    json: Path | None
+    recording: Path | None
+
+
+def _write_reports(
+    verdicts: Sequence[Verdict], entries: Iterable[Entry], about: dict[str, str], files: Reports
+) -> None:
+    """Show and write what became of a test, and exit."""
+    about = {**about, "time": iso(datetime.now(UTC))}
+    Console(soft_wrap=True).print(report.table(verdicts))
+    if files.html:
+        files.html.write_text(report.as_html(verdicts, about), encoding="utf-8")
+    if files.junit:
+        files.junit.write_bytes(report.as_junit(verdicts, about))
+    if files.json:
+        files.json.write_bytes(report.as_json(verdicts, about))
+    if files.recording:
+        with new_file(files.recording) as out:
+            for entry in entries:
+                append(entry, out)
+    echo(f"{report.summary(verdicts)}; VDA 5050 {about['version']}")
     raise typer.Exit(FOUND if report.violations(verdicts) else 0)
 
 
@@ -271,7 +423,7 @@ def _place_of(text: str) -> tuple[float, float]:
     try:
         x, y = map(float, text.split(","))
     except ValueError:
-        fail(f"--place {text!r}: use X,Y in m, such as 2.5,-1")
+        fail(f"{text!r} is no place: use X,Y in m, such as 2.5,-1")
     return x, y
 
 

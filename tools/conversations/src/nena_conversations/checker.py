@@ -19,7 +19,7 @@ from nena_shared.vda5050.action import STOP_HIBERNATION, Action, InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import KINDS
 from nena_shared.vda5050.connection import Connection, ConnectionState
-from nena_shared.vda5050.factsheet import ActionScope, Factsheet
+from nena_shared.vda5050.factsheet import ActionScope, Factsheet, MaximumArrayLengths, ProtocolLimits
 from nena_shared.vda5050.graph import violations
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.responses import Responses
@@ -31,6 +31,12 @@ MAX_REPORTED: Final = 5
 TIMES: Final = frozenset({"timestamp", "leaseExpiry", "eta"})
 ONLY_READ: Final = frozenset({"AUTOACK"})
 """Values of 2.x that the neutral model maps to other fields: not a spelling problem."""
+GRAPH_RULES: Final = {
+    "sequenceId": Rule.SEQUENCE,
+    "released": Rule.BASE,
+    "actionId": Rule.ACTION_ID,
+}
+"""Rule that a problem of a graph breaks, by its field."""
 
 
 def message_problems(received: ReceivedMessage) -> Iterator[Problem]:
@@ -38,7 +44,9 @@ def message_problems(received: ReceivedMessage) -> Iterator[Problem]:
     if received.message is None:
         broken = _graph_violations(received)
         for problem in received.problems:
-            yield Rule.GRAPH if problem in broken else Rule.MESSAGE, Severity.ERROR, problem
+            field = problem.partition(":")[0].rpartition(".")[2]
+            rule = GRAPH_RULES.get(field, Rule.GRAPH) if problem in broken else Rule.MESSAGE
+            yield rule, Severity.ERROR, problem
         return
     # 0010: our codecs read misspellings and unknown fields, so only what they would write shows them.
     written: JsonValue = received.message.model_dump(mode="json", by_alias=True)
@@ -123,6 +131,8 @@ def _compare_headers(message: Header, last_id: int, last_time: datetime) -> Iter
         yield Rule.TIMESTAMP, Severity.WARNING, text
 
 
+JITTER: Final = 0.5
+"""Seconds by which the time between two orders may be too short, because of the broker's delay."""
 MAX_STATE_INTERVAL: Final = timedelta(seconds=30)
 GRACE: Final = timedelta(seconds=5)
 """Tolerance for the broker's delay and inexact clocks."""
@@ -133,6 +143,9 @@ NOT_ONLINE: Final = {
     # a broker may publish the will of an old connection after the new one is established
     ConnectionState.CONNECTION_BROKEN: Severity.WARNING,
 }
+
+
+UNREACHABLE: Final = (ConnectionState.OFFLINE, ConnectionState.CONNECTION_BROKEN)
 
 
 class ConnectionChecks:
@@ -158,6 +171,9 @@ class ConnectionChecks:
 
     def on_request(self, *requests: str) -> Iterator[Problem]:
         """Check what is sent to a robot: while it hibernates, it answers only stopHibernation (6.2.3)."""
+        if self._connection in UNREACHABLE:
+            text = f"{requests[0]} is sent to a robot whose connection is {self._connection}"
+            yield Rule.OFFLINE, Severity.WARNING, text
         if self._connection is ConnectionState.HIBERNATING:
             for request in requests:
                 if request != STOP_HIBERNATION:
@@ -188,15 +204,37 @@ class ConnectionChecks:
 
 
 class FactsheetChecks:
-    """Check that fleet control requests only actions of the factsheet (7.10); without one, all pass."""
+    """Check that fleet control keeps to the factsheet (7.10); without one, all pass."""
 
     def __init__(self) -> None:
         self._scopes: dict[str, tuple[ActionScope, ...]] | None = None
+        self._limits: ProtocolLimits | None = None
+        self._ordered: datetime | None = None
+        """Time of the last order."""
 
     def on_factsheet(self, message: Factsheet) -> None:
-        """Record the actions that the robot supports."""
+        """Record the actions that the robot supports, and its limits."""
         actions = message.protocol_features.mobile_robot_actions
         self._scopes = {action.action_type: tuple(action.action_scopes) for action in actions}
+        self._limits = message.protocol_limits
+
+    def on_message(self, received: ReceivedMessage, message: Order | InstantActions) -> Iterator[Problem]:
+        """Check the lengths of a message, and the time between two orders."""
+        if self._limits is None:
+            return
+        longest = self._limits.maximum_string_lengths
+        sizes = [("the message", len(received.payload), longest.maximum_message_length)]
+        sizes += [(f"the ID '{each}'", len(each), longest.maximum_id_length) for each in _ids_of(message)]
+        for what, length, most in [*sizes, *_lengths_of(message, self._limits.maximum_array_lengths)]:
+            if most and length > most:
+                text = f"{what} has a length of {length}, the factsheet allows {most}"
+                yield Rule.LIMITS, Severity.ERROR, text
+        if isinstance(message, Order):
+            last, self._ordered = self._ordered, received.time
+            shortest = self._limits.timing.minimum_order_interval
+            if last and (seconds := (received.time - last).total_seconds()) < shortest - JITTER:
+                text = f"an order follows after {seconds:.3f} s, the factsheet allows {shortest:g} s"
+                yield Rule.ORDER_INTERVAL, Severity.WARNING, text
 
     def on_order(self, order: Order) -> Iterator[Problem]:
         """Check the actions of an order."""
@@ -216,6 +254,36 @@ class FactsheetChecks:
             elif scope not in scopes:
                 text = f"the factsheet lists '{action.action_type}', but not for {scope}"
                 yield Rule.NOT_OFFERED, Severity.WARNING, text
+
+
+def _ids_of(message: Order | InstantActions) -> Iterator[str]:
+    if isinstance(message, InstantActions):
+        yield from (action.action_id for action in message.actions)
+        return
+    yield message.order_id
+    yield from (node.node_id for node in message.nodes)
+    yield from (edge.edge_id for edge in message.edges)
+    yield from (action.action_id for action in actions_of(message))
+
+
+def _lengths_of(
+    message: Order | InstantActions, limits: MaximumArrayLengths
+) -> Iterator[tuple[str, int, int | None]]:
+    """Yield the lists of a message that have a limit, with their length."""
+    if isinstance(message, InstantActions):
+        yield "actions", len(message.actions), limits.instant_actions
+        actions: Iterable[Action] = message.actions
+    else:
+        yield "nodes", len(message.nodes), limits.order_nodes
+        yield "edges", len(message.edges), limits.order_edges
+        for node in message.nodes:
+            yield f"actions of node '{node.node_id}'", len(node.actions), limits.node_actions
+        for edge in message.edges:
+            yield f"actions of edge '{edge.edge_id}'", len(edge.actions), limits.edge_actions
+        actions = actions_of(message)
+    for action in actions:
+        name = f"actionParameters of '{action.action_id}'"
+        yield name, len(action.action_parameters), limits.action_parameters
 
 
 class ActionIds:
@@ -264,6 +332,8 @@ class RobotConversation:
             return
         yield from self._headers.check(received, received.message)
         if received.retained and received.sender is Sender.FLEET:
+            text = f"the broker keeps a message of {received.topic}, which robots get at each connect"
+            yield Rule.RETAINED, Severity.WARNING, text
             return  # an old command, which robots ignore
         yield from self._check_content(received, received.message)
 
@@ -282,6 +352,7 @@ class RobotConversation:
             case Order():
                 yield from self._check_order(received, message)
             case InstantActions():
+                yield from self._factsheet.on_message(received, message)
                 yield from self._action_ids.check(message.actions, "instantActions")
                 yield from self._factsheet.check(message.actions, ActionScope.INSTANT)
                 yield from self._connection.on_request(*(action.action_type for action in message.actions))
@@ -301,6 +372,7 @@ class RobotConversation:
 
     def _check_order(self, received: ReceivedMessage, order: Order) -> Iterator[Problem]:
         yield from self._action_ids.check(actions_of(order), f"order '{order.order_id}'")
+        yield from self._factsheet.on_message(received, order)
         yield from self._factsheet.on_order(order)
         yield from self._connection.on_request(f"order '{order.order_id}'")
         cancelled = self._instants.ends(order.order_id)

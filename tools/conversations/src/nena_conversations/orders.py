@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import chain
+from math import hypot
 from typing import Final
 
 from nena_conversations.message import ReceivedMessage
@@ -88,6 +89,28 @@ def new_order_problems(order: Order) -> Iterator[Problem]:
     if order.nodes[0].sequence_id:
         text = f"order '{order.order_id}' begins with sequenceId {order.nodes[0].sequence_id}, not 0"
         yield Rule.FIRST_SEQUENCE_ID, Severity.ERROR, text
+
+
+REACH: Final = 1.0
+"""Distance at which a robot counts as standing on a node that names no deviation, m."""
+EXACT: Final = 0.1
+"""The same for a node that allows no deviation at all, m."""
+
+
+def start_problems(order: Order, state: State) -> Iterator[Problem]:
+    """Check that a new order begins where the robot is (6.1.4.7)."""
+    first, place = order.nodes[0], state.mobile_robot_position
+    at = first.node_position
+    if first.node_id == state.last_node_id or at is None or place is None or not place.localized:
+        return
+    name = f"order '{order.order_id}' begins at node '{first.node_id}'"
+    away = hypot(at.x - place.x, at.y - place.y)
+    allowed = REACH if at.allowed_deviation_xy is None else max(EXACT, at.allowed_deviation_xy.a)
+    if at.map_id != place.map_id:
+        text = f"{name} on map '{at.map_id}', the robot is on map '{place.map_id}'"
+        yield Rule.START_NODE, Severity.ERROR, text
+    elif away > allowed:
+        yield Rule.START_NODE, Severity.ERROR, f"{name}, which is {away:.2f} m from the robot"
 
 
 def situation_problems(order: Order, state: State | None, held: StitchedOrder | None) -> Iterator[Problem]:
@@ -273,6 +296,8 @@ class OrderConversation:
         # An order that the robot already has began before the conversation: this is an update.
         elif state is None or state.order_id != order.order_id:
             yield from new_order_problems(order)
+            if state:
+                yield from start_problems(order, state)
         self._waiting.add((order.order_id, order.order_update_id), received)
         if before is None or order.order_update_id > before.last.order_update_id:
             self._sent = stitch(before, order)

@@ -1,16 +1,17 @@
-"""Clauses of the standard that a robot is tested against, and their verdicts."""
+"""Clauses of the standard that robots and fleet controls are tested against, and their verdicts."""
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import Generic, TypeVar
 
-from nena_conversations.rules import Sections
+from nena_conversations.rules import Sections, both_versions
 
-if TYPE_CHECKING:
-    from nena_conversations.kit.session import RobotSession
+S = TypeVar("S")
+"""The conversation in which a clause is tried."""
+Run = Callable[[S], Awaitable[None]]
 
 
 class Strength(StrEnum):
@@ -18,6 +19,7 @@ class Strength(StrEnum):
 
     MUST = "must"
     SHOULD = "should"
+    MAY = "may"
 
 
 class Outcome(StrEnum):
@@ -29,24 +31,51 @@ class Outcome(StrEnum):
 
 
 class ClauseFailedError(Exception):
-    """The robot violates the clause: what was expected, and what it did."""
+    """The tested side violates the clause: what was expected, and what it did."""
 
 
 class NotApplicableError(Exception):
-    """The clause cannot be tested with this robot, for the reason in the message."""
+    """The clause cannot be tested here, for the reason in the message."""
 
 
 @dataclass(frozen=True, slots=True)
-class Clause:
+class Clause(Generic[S]):
     """A clause that is tested by doing something."""
 
     id: str
     title: str
     sections: Sections
-    run: Callable[[RobotSession], Awaitable[None]]
+    run: Run[S]
     strength: Strength = Strength.MUST
     moves: bool = False
-    """Whether the robot drives."""
+    """Whether a robot under test drives."""
+
+
+class Clauses(list[Clause[S]]):
+    """The clauses for one side, in the order in which they are tried."""
+
+    def add(
+        self,
+        id_: str,
+        title: str,
+        sections: tuple[str | None, str],
+        strength: Strength = Strength.MUST,
+        *,
+        moves: bool = False,
+    ) -> Callable[[Run[S]], Run[S]]:
+        """Return a decorator that adds a clause with its sections in 2.x and 3.x."""
+
+        def register(run: Run[S]) -> Run[S]:
+            self.append(Clause(id_, title, both_versions(*sections), run, strength, moves))
+            return run
+
+        return register
+
+
+def require(holds: object, message: str) -> None:
+    """Raise ClauseFailedError unless something holds."""
+    if not holds:
+        raise ClauseFailedError(message)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,5 +95,5 @@ class Verdict:
 
     @property
     def violated(self) -> bool:
-        """Return whether the robot violates what it must keep."""
+        """Return whether the tested side violates what it must keep."""
         return self.outcome is Outcome.FAILED and self.strength is Strength.MUST

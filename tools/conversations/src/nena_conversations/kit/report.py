@@ -19,7 +19,7 @@ COLOURS: Final = {Outcome.PASSED: "green", Outcome.FAILED: "red", Outcome.NOT_AP
 
 
 def violations(verdicts: Sequence[Verdict]) -> list[Verdict]:
-    """Return the clauses that the robot must keep and violates."""
+    """Return the clauses that the tested side must keep and violates."""
     return [each for each in verdicts if each.violated]
 
 
@@ -45,9 +45,11 @@ def as_json(verdicts: Sequence[Verdict], about: dict[str, str]) -> bytes:
 
 
 def as_junit(verdicts: Sequence[Verdict], about: dict[str, str]) -> bytes:
-    """Return all verdicts as JUnit XML: what robots should do is skipped, not failed, where they do not."""
+    """Return all verdicts as JUnit XML: what should be done and is not is skipped, not failed."""
     counts = {"tests": str(len(verdicts)), "failures": str(len(violations(verdicts)))}
-    suite = Element("testsuite", {"name": f"VDA 5050 {about['version']} {about['robot']}", **counts})
+    suite = Element(
+        "testsuite", {"name": f"VDA 5050 {about['version']} {next(iter(about.values()))}", **counts}
+    )
     for each in verdicts:
         case = SubElement(
             suite, "testcase", {"name": each.id, "classname": each.section, "time": f"{each.seconds:.3f}"}
@@ -64,13 +66,14 @@ def as_html(verdicts: Sequence[Verdict], about: dict[str, str]) -> str:
     """Return one page with all verdicts and the messages of violations."""
     rows = "".join(_row(each) for each in verdicts)
     heads = "".join(f"<th>{name}</th>" for name in ("Clause", "Section", "Strength", "Verdict", "Why"))
+    what = next(iter(about))
     facts = ", ".join(f"{escape(key)} {escape(value)}" for key, value in about.items())
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>VDA 5050 test</title><style>'
         "body{font:15px/1.5 system-ui,sans-serif;margin:2rem;max-width:75rem}table{border-collapse:collapse}"
         "th,td{text-align:left;vertical-align:top;padding:.3rem .6rem;border-bottom:1px solid #ccc}"
         ".passed{color:#0a6b2d}.failed{color:#b00020;font-weight:600}pre{white-space:pre-wrap;font-size:12px}"
-        f"</style><h1>VDA 5050 test of a robot</h1><p>{facts}</p><p>{escape(summary(verdicts))}</p>"
+        f"</style><h1>VDA 5050 test of a {what}</h1><p>{facts}</p><p>{escape(summary(verdicts))}</p>"
         f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></html>"
     )
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from collections.abc import Callable
 from math import hypot
 from typing import Final
 
-from nena_conversations.kit.clause import Clause, ClauseFailedError, NotApplicableError, Strength
+from nena_conversations.kit.clause import ClauseFailedError, Clauses, NotApplicableError, Strength, require
 from nena_conversations.kit.session import RobotSession, new_id
-from nena_conversations.rules import Sections
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.factsheet import ActionScope
@@ -28,119 +26,93 @@ REQUIRED: Final = ("startPause", "stopPause", "stateRequest", "factsheetRequest"
 FAR: Final = 10_000.0
 """Distance to a place that is no part of any plan, m."""
 
-Run = Callable[[RobotSession], Awaitable[None]]
-ROBOT_CLAUSES: Final[list[Clause]] = []
+ROBOT_CLAUSES: Final[Clauses[RobotSession]] = Clauses()
+_clause = ROBOT_CLAUSES.add
 
 
-@dataclass(frozen=True, slots=True)
-class _About:
-    """Registers a clause."""
-
-    id: str
-    title: str
-    sections: Sections
-    strength: Strength = Strength.MUST
-    moves: bool = False
-
-    def __call__(self, run: Run) -> Run:
-        ROBOT_CLAUSES.append(Clause(self.id, self.title, self.sections, run, self.strength, self.moves))
-        return run
-
-
-def _sections(section_2: str | None, section_3: str | None) -> Sections:
-    return Sections(section_2, section_2, section_3)
-
-
-def _require(holds: object, message: str) -> None:
-    if not holds:
-        raise ClauseFailedError(message)
-
-
-@_About("connection/retained", "The broker holds an ONLINE message of the robot", _sections("6.14", "6.5"))
+@_clause("connection/retained", "The broker holds an ONLINE message of the robot", ("6.14", "6.5"))
 async def _connection_is_retained(robot: RobotSession) -> None:
     await robot.until(lambda: robot.heard.connection, "a connection message")
-    _require(robot.heard.connection_retained, "the connection message is not retained")
+    require(robot.heard.connection_retained, "the connection message is not retained")
     found = robot.heard.connection and robot.heard.connection.connection_state
-    _require(found is ConnectionState.ONLINE, f"the connection state is {found}, not ONLINE")
+    require(found is ConnectionState.ONLINE, f"the connection state is {found}, not ONLINE")
 
 
-@_About("state/interval", "A state at least every 30 s", _sections("6.10", "6.6"))
+@_clause("state/interval", "A state at least every 30 s", ("6.10", "6.6"))
 async def _states_come_regularly(robot: RobotSession) -> None:
     count = robot.heard.counts[Topic.STATE]
     await robot.until(lambda: robot.heard.counts[Topic.STATE] > count, "a state", STATE_WITHIN)
 
 
-@_About("state/position", "The state has a position, on a map", _sections("6.10.6", "7.8"))
+@_clause("state/position", "The state has a position, on a map", ("6.10.6", "7.8"))
 async def _state_has_a_position(robot: RobotSession) -> None:
     state = await robot.state(lambda _: True, "a state")
-    _require(state.mobile_robot_position, "the state has no position: nothing can be driven to")
+    require(state.mobile_robot_position, "the state has no position: nothing can be driven to")
 
 
-@_About("factsheet/request", "factsheetRequest is answered with a factsheet", _sections("6.8.1", "6.2.3"))
+@_clause("factsheet/request", "factsheetRequest is answered with a factsheet", ("6.8.1", "6.2.3"))
 async def _factsheet_is_sent(robot: RobotSession) -> None:
     count = robot.heard.counts[Topic.FACTSHEET]
     found = await robot.instant("factsheetRequest")
-    _require(
+    require(
         found.action_status is ActionStatus.FINISHED, f"factsheetRequest ended {found.action_status.value}"
     )
     await robot.until(lambda: robot.heard.counts[Topic.FACTSHEET] > count, "a factsheet")
 
 
-@_About("factsheet/actions", "The factsheet lists the actions that each robot has", _sections("6.15", "7.10"))
+@_clause("factsheet/actions", "The factsheet lists the actions that each robot has", ("6.15", "7.10"))
 async def _factsheet_lists_required_actions(robot: RobotSession) -> None:
     factsheet = await robot.factsheet()
     listed = {
         each.action_type: each.action_scopes for each in factsheet.protocol_features.mobile_robot_actions
     }
     missing = [name for name in REQUIRED if name not in listed]
-    _require(not missing, f"the factsheet does not list {', '.join(missing)}")
+    require(not missing, f"the factsheet does not list {', '.join(missing)}")
     other = [name for name in REQUIRED if ActionScope.INSTANT not in listed[name]]
-    _require(not other, f"the factsheet lists {', '.join(other)}, but not as instant actions")
+    require(not other, f"the factsheet lists {', '.join(other)}, but not as instant actions")
 
 
-@_About(
-    "factsheet/speeds", "Speeds and sizes of the factsheet are those of a robot", _sections("6.15", "7.10")
-)
+@_clause("factsheet/speeds", "Speeds and sizes of the factsheet are those of a robot", ("6.15", "7.10"))
 async def _factsheet_has_sizes(robot: RobotSession) -> None:
     factsheet = await robot.factsheet()
     body = factsheet.physical_parameters
-    _require(body.maximum_speed > 0, f"the maximum speed is {body.maximum_speed} m/s")
-    _require(body.minimum_speed <= body.maximum_speed, "the minimum speed is above the maximum speed")
-    _require(body.length > 0 and body.width > 0, f"the robot is {body.length} m by {body.width} m")
+    require(body.maximum_speed > 0, f"the maximum speed is {body.maximum_speed} m/s")
+    require(body.minimum_speed <= body.maximum_speed, "the minimum speed is above the maximum speed")
+    require(body.length > 0 and body.width > 0, f"the robot is {body.length} m by {body.width} m")
 
 
-@_About("stateRequest", "stateRequest is answered with a state", _sections("6.8.1", "6.2.3"))
+@_clause("stateRequest", "stateRequest is answered with a state", ("6.8.1", "6.2.3"))
 async def _state_is_sent(robot: RobotSession) -> None:
     count = robot.heard.counts[Topic.STATE]
     found = await robot.instant("stateRequest")
-    _require(found.action_status is ActionStatus.FINISHED, f"stateRequest ended {found.action_status.value}")
-    _require(robot.heard.counts[Topic.STATE] > count, "no state came after stateRequest")
+    require(found.action_status is ActionStatus.FINISHED, f"stateRequest ended {found.action_status.value}")
+    require(robot.heard.counts[Topic.STATE] > count, "no state came after stateRequest")
 
 
-@_About("instantAction/unknown", "An unknown instant action fails, and is named", _sections("6.9", "6.2.1"))
+@_clause("instantAction/unknown", "An unknown instant action fails, and is named", ("6.9", "6.2.1"))
 async def _unknown_instant_action_fails(robot: RobotSession) -> None:
     errors = robot.errors
     found = await robot.instant("danceLikeNobodyIsWatching")
-    _require(
+    require(
         found.action_status is ActionStatus.FAILED, f"an unknown action ended {found.action_status.value}"
     )
     await robot.state(lambda state: len(state.errors) > errors, "an error about the unknown action")
 
 
-@_About("cancelOrder/idle", "cancelOrder without an order fails", _sections("6.6.3", "6.1.3"))
+@_clause("cancelOrder/idle", "cancelOrder without an order fails", ("6.6.3", "6.1.3"))
 async def _cancel_without_order_fails(robot: RobotSession) -> None:
     found = await robot.instant("cancelOrder")
-    _require(
+    require(
         found.action_status is ActionStatus.FAILED,
         f"cancelOrder without an order ended {found.action_status.value}",
     )
 
 
-@_About("pause/standing", "startPause and stopPause show in the state", _sections("6.8.1", "6.2.3"))
+@_clause("pause/standing", "startPause and stopPause show in the state", ("6.8.1", "6.2.3"))
 async def _pause_shows(robot: RobotSession) -> None:
     for action, paused in (("startPause", True), ("stopPause", False)):
         found = await robot.instant(action)
-        _require(found.action_status is ActionStatus.FINISHED, f"{action} ended {found.action_status.value}")
+        require(found.action_status is ActionStatus.FINISHED, f"{action} ended {found.action_status.value}")
         await _paused(robot, paused=paused)
 
 
@@ -148,22 +120,25 @@ async def _paused(robot: RobotSession, *, paused: bool) -> None:
     await robot.state(lambda state: bool(state.paused) is paused, f"paused {str(paused).lower()}")
 
 
-@_About("order/json", "A message that is no JSON changes nothing", _sections("6.7", "7.3"))
+@_clause("order/json", "A message that is no JSON changes nothing", ("6.7", "7.3"))
 async def _broken_json_is_survived(robot: RobotSession) -> None:
     before = await robot.state(lambda _: True, "a state")
     robot.send_bytes(Topic.ORDER, b'{"headerId": 1, ')
     count = robot.heard.counts[Topic.STATE]
     await robot.instant("stateRequest")
     await robot.until(lambda: robot.heard.counts[Topic.STATE] > count, "a state after a broken order")
-    _require(robot.heard.state and robot.heard.state.order_id == before.order_id, "a broken order was taken")
+    require(robot.heard.state and robot.heard.state.order_id == before.order_id, "a broken order was taken")
 
 
 def _refused(
-    id_: str, title: str, sections: Sections, content: Callable[[RobotSession, str], dict[str, object]]
+    id_: str,
+    title: str,
+    sections: tuple[str | None, str],
+    content: Callable[[RobotSession, str], dict[str, object]],
 ) -> None:
     """Register a clause on an order that the robot refuses."""
 
-    @_About(f"order/{id_}", title, sections)
+    @_clause(f"order/{id_}", title, sections)
     async def order_is_refused(robot: RobotSession) -> None:
         await robot.state(lambda state: state.mobile_robot_position, "a position")
         order_id, errors = new_id(), robot.errors
@@ -190,19 +165,19 @@ def _far(robot: RobotSession, x: float) -> dict[str, object]:
 _refused(
     "noNodes",
     "An order without nodes",
-    _sections("6.6.1", "6.1.1"),
+    ("6.6.1", "6.1.1"),
     lambda _robot, _id: {"nodes": [], "edges": []},
 )
 _refused(
     "missingEdge",
     "Two nodes without an edge",
-    _sections("6.6.1", "6.1.1"),
+    ("6.6.1", "6.1.1"),
     lambda robot, _id: {"nodes": [_wire_node(robot, "here", 0), _wire_node(robot, "there", 2)], "edges": []},
 )
 _refused(
     "sequence",
     "Sequence IDs that do not alternate",
-    _sections("6.6.1", "6.1.1"),
+    ("6.6.1", "6.1.1"),
     lambda robot, _id: {
         "nodes": [_wire_node(robot, "here", 0), _wire_node(robot, "there", 1)],
         "edges": [_wire_edge("here", "there", 2)],
@@ -211,13 +186,13 @@ _refused(
 _refused(
     "startFar",
     "A first node that is out of reach",
-    _sections("6.6.4.1", "6.1.4.2"),
+    ("6.6.4.1", "6.1.4.2"),
     lambda robot, _id: {"nodes": [_wire_node(robot, "here", 0, nodePosition=_far(robot, FAR))], "edges": []},
 )
 _refused(
     "unknownMap",
     "A map that the robot does not have",
-    _sections("6.6.4.1", "6.1.4.2"),
+    ("6.6.4.1", "6.1.4.2"),
     lambda robot, _id: {
         "nodes": [_wire_node(robot, "here", 0, nodePosition={**_far(robot, 0), "mapId": "no-such-map-7f3a"})],
         "edges": [],
@@ -226,7 +201,7 @@ _refused(
 _refused(
     "unknownAction",
     "An action that the robot does not have",
-    _sections("6.6.4.1", "6.1.4.2"),
+    ("6.6.4.1", "6.1.4.2"),
     lambda robot, order: {
         "nodes": [
             _wire_node(
@@ -241,19 +216,19 @@ _refused(
 )
 
 
-@_About("order/accept", "An order at the robot's place is accepted and done", _sections("6.6.4.1", "6.1.4.1"))
+@_clause("order/accept", "An order at the robot's place is accepted and done", ("6.6.4.1", "6.1.4.1"))
 async def _order_is_accepted(robot: RobotSession) -> None:
     await robot.state(lambda state: state.mobile_robot_position, "a position")
     order = robot.order(new_id(), 0, [robot.here()])
     await robot.accepted(order)
     state = await robot.done(order.order_id)
-    _require(
+    require(
         (state.last_node_id, state.last_node_sequence_id) == (order.nodes[0].node_id, 0),
         f"lastNodeId is {state.last_node_id!r} ({state.last_node_sequence_id}), not the order's node",
     )
 
 
-@_About("order/repeat", "An order that comes again changes nothing", _sections("6.6.4.3", "6.1.4.4"))
+@_clause("order/repeat", "An order that comes again changes nothing", ("6.6.4.3", "6.1.4.4"))
 async def _repeated_order_is_ignored(robot: RobotSession) -> None:
     order = robot.order(new_id(), 0, [robot.here()])
     await robot.accepted(order)
@@ -264,10 +239,10 @@ async def _repeated_order_is_ignored(robot: RobotSession) -> None:
         lambda state: state.driving or state.node_states, "the robot began the order again", 1.0
     )
     state = robot.heard.state
-    _require(state and state.order_id == before.order_id, "a repeated order replaced the order")
+    require(state and state.order_id == before.order_id, "a repeated order replaced the order")
 
 
-@_About("order/action", "An action of a node runs once, and its state stays", _sections("6.11", "6.6.9"))
+@_clause("order/action", "An action of a node runs once, and its state stays", ("6.11", "6.6.9"))
 async def _node_action_runs(robot: RobotSession) -> None:
     factsheet = await robot.factsheet()
     simple = [
@@ -291,7 +266,7 @@ async def _node_action_runs(robot: RobotSession) -> None:
     )
 
 
-@_About("update/outdated", "An update with a lower orderUpdateId is refused", _sections("6.6.4.3", "6.1.4.4"))
+@_clause("update/outdated", "An update with a lower orderUpdateId is refused", ("6.6.4.3", "6.1.4.4"))
 async def _outdated_update_is_refused(robot: RobotSession) -> None:
     order_id = new_id()
     await robot.accepted(robot.order(order_id, 0, [robot.here()]))
@@ -300,20 +275,20 @@ async def _outdated_update_is_refused(robot: RobotSession) -> None:
     errors = robot.errors
     robot.send(Topic.ORDER, robot.order(order_id, 1, [robot.here()]))
     state = await robot.state(lambda state: len(state.errors) > errors, "an error about an outdated update")
-    _require(state.order_update_id == 2, f"the robot went back to update {state.order_update_id}")  # noqa: PLR2004
+    require(state.order_update_id == 2, f"the robot went back to update {state.order_update_id}")  # noqa: PLR2004
 
 
-@_About("drive", "A base is driven to its end, node by node", _sections("6.6.1", "6.1.1"), moves=True)
+@_clause("drive", "A base is driven to its end, node by node", ("6.6.1", "6.1.1"), moves=True)
 async def _base_is_driven(robot: RobotSession) -> None:
     order_id, _ = await _begin_drive(robot, released=2)
     await robot.state(lambda state: state.driving, "driving true", robot.drive_within)
     state = await robot.done(order_id, robot.drive_within)
-    _require(state.last_node_id == "place-1", f"lastNodeId is {state.last_node_id!r}, not the last node")
-    _require(not state.edge_states, "the state still has edges at the end of the order")
+    require(state.last_node_id == "place-1", f"lastNodeId is {state.last_node_id!r}, not the last node")
+    require(not state.edge_states, "the state still has edges at the end of the order")
     _check_arrival(robot, state, 1)
 
 
-@_About("drive/horizon", "The robot stops at the end of its base", _sections("6.6.1", "6.1.1"), moves=True)
+@_clause("drive/horizon", "The robot stops at the end of its base", ("6.6.1", "6.1.1"), moves=True)
 async def _horizon_is_not_driven(robot: RobotSession) -> None:
     robot.require_plan(3)
     order_id, nodes = await _begin_drive(robot, released=2, places=3)
@@ -322,7 +297,7 @@ async def _horizon_is_not_driven(robot: RobotSession) -> None:
         "the robot at the end of its base",
         robot.drive_within,
     )
-    _require(
+    require(
         [node.node_id for node in state.node_states] == ["place-2"],
         "the horizon is no longer in nodeStates at the end of the base",
     )
@@ -330,11 +305,11 @@ async def _horizon_is_not_driven(robot: RobotSession) -> None:
     tail = [nodes[1], nodes[2].model_copy(update={"released": True})]
     await robot.accepted(robot.order(order_id, 1, tail, first_sequence=2))
     state = await robot.done(order_id, robot.drive_within)
-    _require(state.last_node_id == "place-2", f"lastNodeId is {state.last_node_id!r} after the update")
+    require(state.last_node_id == "place-2", f"lastNodeId is {state.last_node_id!r} after the update")
     _check_arrival(robot, state, 2)
 
 
-@_About("drive/extended", "A base that grows in time is driven on", _sections("6.6.2", "6.1.2"), moves=True)
+@_clause("drive/extended", "A base that grows in time is driven on", ("6.6.2", "6.1.2"), moves=True)
 async def _base_is_extended(robot: RobotSession) -> None:
     robot.require_plan(3)
     order_id, nodes = await _begin_drive(robot, released=2, places=3)
@@ -342,13 +317,13 @@ async def _base_is_extended(robot: RobotSession) -> None:
     tail = [nodes[1], nodes[2].model_copy(update={"released": True})]
     await robot.accepted(robot.order(order_id, 1, tail, first_sequence=2))
     state = await robot.done(order_id, robot.drive_within * 2)
-    _require(state.last_node_id == "place-2", f"lastNodeId is {state.last_node_id!r} after the update")
+    require(state.last_node_id == "place-2", f"lastNodeId is {state.last_node_id!r} after the update")
 
 
-@_About(
+@_clause(
     "update/stitch",
     "An update that does not continue the base is refused",
-    _sections("6.6.4.3", "6.1.4.4"),
+    ("6.6.4.3", "6.1.4.4"),
     moves=True,
 )
 async def _wrong_stitch_is_refused(robot: RobotSession) -> None:
@@ -358,54 +333,45 @@ async def _wrong_stitch_is_refused(robot: RobotSession) -> None:
     far_on = nodes[2].model_copy(update={"released": True})
     robot.send(Topic.ORDER, robot.order(order_id, 1, [far_on], first_sequence=8))
     state = await robot.state(lambda state: len(state.errors) > errors, "an error about the update")
-    _require(state.order_update_id == 0, "the robot took an update that does not continue its base")
+    require(state.order_update_id == 0, "the robot took an update that does not continue its base")
 
 
-@_About(
-    "order/other", "Another order is refused while one is driven", _sections("6.6.4.1", "6.1.4.6"), moves=True
-)
+@_clause("order/other", "Another order is refused while one is driven", ("6.6.4.1", "6.1.4.6"), moves=True)
 async def _other_order_is_refused(robot: RobotSession) -> None:
     order_id, _ = await _begin_drive(robot, released=2)
     await robot.state(lambda state: state.driving, "driving true", robot.drive_within)
     errors, other = robot.errors, new_id()
     robot.send(Topic.ORDER, robot.order(other, 0, [robot.here()]))
     state = await robot.refused(other, errors, "another order during an order")
-    _require(state.order_id == order_id, "the robot lost its order")
+    require(state.order_id == order_id, "the robot lost its order")
     await robot.done(order_id, robot.drive_within)
 
 
-@_About(
-    "pause/driving",
-    "startPause stops a drive, stopPause continues it",
-    _sections("6.8.1", "6.2.3"),
-    moves=True,
-)
+@_clause("pause/driving", "startPause stops a drive, stopPause continues it", ("6.8.1", "6.2.3"), moves=True)
 async def _pause_stops_the_drive(robot: RobotSession) -> None:
     order_id, _ = await _begin_drive(robot, released=2)
     await robot.state(lambda state: state.driving, "driving true", robot.drive_within)
     found = await robot.instant("startPause")
-    _require(found.action_status is ActionStatus.FINISHED, f"startPause ended {found.action_status.value}")
+    require(found.action_status is ActionStatus.FINISHED, f"startPause ended {found.action_status.value}")
     await robot.state(lambda state: state.paused and not state.driving, "a paused robot that stands")
     await robot.never(lambda state: state.driving, "the paused robot drove", UNMOVED)
     await robot.instant("stopPause")
     state = await robot.done(order_id, robot.drive_within)
-    _require(state.last_node_id == "place-1", "the drive did not continue after stopPause")
+    require(state.last_node_id == "place-1", "the drive did not continue after stopPause")
 
 
-@_About("cancelOrder", "cancelOrder ends an order that is driven", _sections("6.6.3", "6.1.3"), moves=True)
+@_clause("cancelOrder", "cancelOrder ends an order that is driven", ("6.6.3", "6.1.3"), moves=True)
 async def _order_is_cancelled(robot: RobotSession) -> None:
     order_id, _ = await _begin_drive(robot, released=2)
     await robot.state(lambda state: state.driving, "driving true", robot.drive_within)
     found = await robot.instant("cancelOrder")
-    _require(found.action_status is ActionStatus.FINISHED, f"cancelOrder ended {found.action_status.value}")
+    require(found.action_status is ActionStatus.FINISHED, f"cancelOrder ended {found.action_status.value}")
     state = await robot.state(lambda state: not state.driving, "a robot that stands")
-    _require(not state.node_states and not state.edge_states, "nodes or edges remain after cancelOrder")
-    _require(state.order_id == order_id, f"orderId is {state.order_id!r} after cancelOrder, not the order's")
+    require(not state.node_states and not state.edge_states, "nodes or edges remain after cancelOrder")
+    require(state.order_id == order_id, f"orderId is {state.order_id!r} after cancelOrder, not the order's")
 
 
-@_About(
-    "order/afterCancel", "A new order is accepted after cancelOrder", _sections("6.6.3", "6.1.3"), moves=True
-)
+@_clause("order/afterCancel", "A new order is accepted after cancelOrder", ("6.6.3", "6.1.3"), moves=True)
 async def _order_follows_a_cancelled_one(robot: RobotSession) -> None:
     await _begin_drive(robot, released=2)
     await robot.state(lambda state: state.driving, "driving true", robot.drive_within)
@@ -414,13 +380,11 @@ async def _order_follows_a_cancelled_one(robot: RobotSession) -> None:
     await robot.done(order_id, robot.drive_within)
 
 
-@_About(
-    "visualization", "The robot sends visualizations", _sections("6.13", "7.9"), Strength.SHOULD, moves=True
-)
+@_clause("visualization", "The robot sends visualizations", ("6.13", "7.9"), Strength.SHOULD, moves=True)
 async def _visualizations_come(robot: RobotSession) -> None:
     order_id, _ = await _begin_drive(robot, released=2)
     await robot.done(order_id, robot.drive_within)
-    _require(robot.heard.counts[Topic.VISUALIZATION], "no visualization came, not even in a drive")
+    require(robot.heard.counts[Topic.VISUALIZATION], "no visualization came, not even in a drive")
 
 
 async def _begin_drive(robot: RobotSession, *, released: int, places: int = 2) -> tuple[str, list[Node]]:
@@ -445,4 +409,4 @@ def _check_arrival(robot: RobotSession, state: State, place: int) -> None:
         raise ClauseFailedError(message)
     x, y = robot.plan[place]
     away = hypot(position.x - x, position.y - y)
-    _require(away <= ARRIVED, f"the robot reports its arrival {away:.2f} m from the node")
+    require(away <= ARRIVED, f"the robot reports its arrival {away:.2f} m from the node")

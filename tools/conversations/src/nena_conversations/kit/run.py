@@ -2,40 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from time import monotonic
 from typing import Final
 
 from nena_conversations.broker import BrokerAddress, connect_broker
-from nena_conversations.kit.clause import (
-    Clause,
-    ClauseFailedError,
-    NotApplicableError,
-    Outcome,
-    Strength,
-    Verdict,
-)
+from nena_conversations.kit.clause import Clause, Verdict
+from nena_conversations.kit.engine import OF_EACH_TOPIC, Watched, try_clause, watched_verdict
 from nena_conversations.kit.robot_clauses import ROBOT_CLAUSES
-from nena_conversations.kit.session import ANSWER_WITHIN, KEPT, Place, RobotSession
+from nena_conversations.kit.session import ANSWER_WITHIN, Place, RobotSession
 from nena_conversations.recording import Entry
-from nena_conversations.rules import Rule, Severity
+from nena_conversations.rules import Rule
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 
 FIRST_STATE_WITHIN: Final = 31.0
 """A robot sends a state at least every 30 s, seconds."""
 ROBOT_TOPICS: Final = (Topic.STATE, Topic.CONNECTION, Topic.FACTSHEET, Topic.VISUALIZATION)
-OF_EACH_TOPIC: Final = {
-    Rule.MESSAGE: "Messages are valid",
-    Rule.FIELD: "Messages have only fields of the version",
-    Rule.SPELLING: "Names and times are written as the version writes them",
-    Rule.VERSION: "Topic and header name the same major version",
-    Rule.ADDRESS: "The header names the robot of the topic",
-    Rule.HEADER_ID: "headerId increases by one",
-    Rule.TIMESTAMP: "Timestamps do not go back",
-}
-"""Rules that are judged for each of the robot's topics."""
 OF_THE_CONVERSATION: Final = {
     Rule.CONNECTION: "Only a robot that is ONLINE sends states",
     Rule.STATE_INTERVAL: "States come in time throughout the test",
@@ -51,7 +34,6 @@ OF_THE_CONVERSATION: Final = {
     Rule.CANCEL_END: "Nothing of the order remains when cancelOrder is FINISHED",
 }
 """Rules that are judged for the conversation as a whole."""
-TITLES: Final = OF_EACH_TOPIC | OF_THE_CONVERSATION
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +51,7 @@ async def judge_robot(
     address: BrokerAddress,
     tested: RobotUnderTest,
     *,
-    clauses: Sequence[Clause] = ROBOT_CLAUSES,
+    clauses: Sequence[Clause[RobotSession]] = ROBOT_CLAUSES,
     report: Callable[[Verdict], None],
     client_id: str,
     answer_within: float = ANSWER_WITHIN,
@@ -94,60 +76,23 @@ async def judge_robot(
         for clause in clauses:
             section = clause.sections.of(tested.codec.version)
             if section is not None:
-                add(await _try_clause(clause, section, session))
-        session.end_check()
+                add(await try_clause(clause, section, session))
+        session.findings += session.checker.end()
     for verdict in _seen_by_checker(session, tested.codec.version):
         add(verdict)
     return verdicts, tuple(session.recording)
 
 
-async def _try_clause(clause: Clause, section: str, session: RobotSession) -> Verdict:
-    began, first = monotonic(), len(session.recording)
-    outcome, reason = Outcome.PASSED, ""
-    try:
-        if clause.moves:
-            session.require_plan(2)
-        await clause.run(session)
-    except NotApplicableError as error:
-        outcome, reason = Outcome.NOT_APPLICABLE, str(error)
-    except ClauseFailedError as error:
-        outcome, reason = Outcome.FAILED, str(error)
-    try:
-        await session.clear()
-    except ClauseFailedError as error:
-        outcome, reason = Outcome.FAILED, reason or f"after the clause: {error}"
-    shown = session.recording[first:][-KEPT:] if outcome is Outcome.FAILED else ()
-    return Verdict(
-        clause.id, clause.title, section, clause.strength, outcome, reason, _texts(shown), monotonic() - began
-    )
-
-
-def _texts(entries: Iterable[Entry]) -> tuple[str, ...]:
-    return tuple(f"{each.topic} {each.payload.decode(errors='replace')}" for each in entries)
-
-
 def _seen_by_checker(session: RobotSession, version: str) -> Iterator[Verdict]:
     """Yield a verdict for each rule that the checker of conversations has watched."""
-    entries = session.recording
-    pairs = [(rule, topic) for topic in ROBOT_TOPICS for rule in OF_EACH_TOPIC]
-    for rule, topic in [*pairs, *((rule, None) for rule in OF_THE_CONVERSATION)]:
-        section = rule.section(version, topic or Topic.STATE)
-        if section is None:
-            continue
-        found = [each for each in session.findings if each.rule is rule and topic in (None, each.topic)]
-        severe = [each for each in found if each.severity is Severity.ERROR]
-        worst = (severe or found)[:1]
-        heard = topic is None or session.heard.counts[topic]
-        outcome = Outcome.FAILED if found else Outcome.PASSED if heard else Outcome.NOT_APPLICABLE
-        yield Verdict(
-            f"{topic or 'conversation'}/{rule.code}",
-            f"{TITLES[rule]} ({topic})" if topic else TITLES[rule],
-            section,
-            Strength.SHOULD if found and not severe else Strength.MUST,
-            outcome,
-            worst[0].text if worst else "" if heard else f"no message on {topic} was heard",
-            _texts(entries[each.number - 1] for each in worst if 0 < each.number <= len(entries)),
-        )
+    found, entries = session.findings, session.recording
+    for topic in ROBOT_TOPICS:
+        heard = session.heard.counts[topic]
+        for rule, title in OF_EACH_TOPIC.items():
+            missing = "" if heard else f"no message on {topic} was heard"
+            yield from watched_verdict(Watched(rule, title, topic, missing), version, found, entries)
+    for rule, title in OF_THE_CONVERSATION.items():
+        yield from watched_verdict(Watched(rule, title), version, found, entries)
 
 
 async def first_position(address: BrokerAddress, tested: RobotUnderTest, client_id: str) -> Place:

@@ -15,7 +15,7 @@ from pydantic_core import to_json
 
 from nena_conversations.checker import Checker
 from nena_conversations.kit.clause import ClauseFailedError, NotApplicableError
-from nena_conversations.message import parse
+from nena_conversations.message import ReceivedMessage, parse
 from nena_conversations.recording import Entry
 from nena_conversations.rules import Finding
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
@@ -52,8 +52,72 @@ class Heard:
     counts: Counter[Topic] = field(default_factory=Counter)
 
 
-class RobotSession:
-    """Talks to a robot; all its messages and ours also pass the checker of conversations."""
+class Listener:
+    """Hears a conversation in a test, which also passes the checker of conversations."""
+
+    answer_within = ANSWER_WITHIN
+    """Time in which the tested side answers, seconds."""
+
+    def __init__(self) -> None:
+        self.findings: list[Finding] = []
+        self.recording: list[Entry] = []
+        self.checker = Checker()
+        self._news = asyncio.Event()
+        """Set at the next message, then replaced."""
+        self._number = 0
+
+    def hear(self, inbound: Inbound) -> tuple[ReceivedMessage | None, list[Finding]]:
+        """Record and check a message; return it, if it is one of VDA 5050, and what is wrong with it."""
+        entry = Entry(datetime.now(UTC), inbound.topic, inbound.payload, inbound.qos, inbound.retained)
+        if len(self.recording) < RECORDED:  # the first ones: findings name messages by their number
+            self.recording.append(entry)
+        self._number += 1
+        return parse(entry, self._number), list(self.checker.add(entry))
+
+    def wake(self) -> None:
+        """Let :meth:`until` look again."""
+        self._news.set()
+        self._news = asyncio.Event()
+
+    def describe(self) -> str:
+        """Return what was heard last, for the reason of a verdict."""
+        raise NotImplementedError
+
+    def shown(self, first: int) -> list[Entry]:
+        """Return the messages that show a violation, of those from the ``first`` on."""
+        return self.recording[first:][-KEPT:]
+
+    async def prepare(self, *, moves: bool) -> None:
+        """Get ready for a clause; raises NotApplicableError."""
+
+    async def clear(self) -> None:
+        """Tidy up after a clause; raises ClauseFailedError."""
+
+    async def until(self, condition: Callable[[], Any], what: str, within: float | None = None) -> None:
+        """Wait for a condition on what was heard.
+
+        Raises:
+            ClauseFailedError: it did not come true in time.
+
+        """
+        seconds = self.answer_within if within is None else within
+        if not await self.came_true(condition, seconds):
+            message = f"{what} was expected within {seconds:g} s; {self.describe()}"
+            raise ClauseFailedError(message)
+
+    async def came_true(self, condition: Callable[[], Any], within: float) -> bool:
+        """Return whether a condition on what was heard comes true in time."""
+        try:
+            async with asyncio.timeout(within):
+                while not condition():
+                    await self._news.wait()
+        except TimeoutError:
+            return False
+        return True
+
+
+class RobotSession(Listener):
+    """Talks to a robot."""
 
     def __init__(
         self,
@@ -65,33 +129,23 @@ class RobotSession:
         plan: Sequence[Place] = (),
         answer_within: float = ANSWER_WITHIN,
     ) -> None:
+        super().__init__()
         self.codec = codec
         self.robot = robot
         self.plan = plan
         """Places to which the robot may drive; the first is nearest to it."""
         self.answer_within = answer_within
-        """Time in which the robot answers an order or an action, seconds."""
         self.drive_within = DRIVES * answer_within
         """Time for a drive between two places of the plan, seconds."""
         self.heard = Heard()
-        self.findings: list[Finding] = []
-        self.recording: list[Entry] = []
         self._link, self._topics = link, topics
-        self._checker = Checker()
         self._headers: Counter[Topic] = Counter()
-        self._news = asyncio.Event()
-        """Set at the next message, then replaced."""
-        self._number = 0
         for topic in codec.kinds:
             link.subscribe(topics.of(robot, topic), self._receive)
 
     def _receive(self, inbound: Inbound) -> None:
-        entry = Entry(datetime.now(UTC), inbound.topic, inbound.payload, inbound.qos, inbound.retained)
-        if len(self.recording) < RECORDED:  # the first ones: findings name messages by their number
-            self.recording.append(entry)
-        self.findings += self._checker.add(entry)
-        self._number += 1
-        received = parse(entry, self._number)
+        received, findings = self.hear(inbound)
+        self.findings += findings
         if received is None:
             return
         heard = self.heard
@@ -104,33 +158,12 @@ class RobotSession:
                 heard.connection_retained |= inbound.retained
             case Factsheet() as factsheet:
                 heard.factsheet = factsheet
-        self._news.set()
-        self._news = asyncio.Event()
+        self.wake()
 
-    def end_check(self) -> None:
-        """Take what the checker only knows at the end."""
-        self.findings += self._checker.end()
-
-    async def until(self, condition: Callable[[], Any], what: str, within: float | None = None) -> None:
-        """Wait for a condition on what was heard.
-
-        Raises:
-            ClauseFailedError: it did not come true in time.
-
-        """
-        seconds = self.answer_within if within is None else within
-        if not await self._came_true(condition, seconds):
-            message = f"{what} was expected within {seconds:g} s; {self._last_state()}"
-            raise ClauseFailedError(message)
-
-    async def _came_true(self, condition: Callable[[], Any], within: float) -> bool:
-        try:
-            async with asyncio.timeout(within):
-                while not condition():
-                    await self._news.wait()
-        except TimeoutError:
-            return False
-        return True
+    async def prepare(self, *, moves: bool) -> None:
+        """Check that there is a plan for a clause that moves the robot."""
+        if moves:
+            self.require_plan(2)
 
     async def state(self, accept: Callable[[State], Any], what: str, within: float | None = None) -> State:
         """Wait for a state, also the last one; raises ClauseFailedError."""
@@ -155,11 +188,12 @@ class RobotSession:
 
     async def never(self, condition: Callable[[State], Any], what: str, seconds: float) -> None:
         """Fail if a state meets a condition within some seconds; raises ClauseFailedError."""
-        if await self._came_true(lambda: self.heard.state and condition(self.heard.state), seconds):
-            message = f"{what}; {self._last_state()}"
+        if await self.came_true(lambda: self.heard.state and condition(self.heard.state), seconds):
+            message = f"{what}; {self.describe()}"
             raise ClauseFailedError(message)
 
-    def _last_state(self) -> str:
+    def describe(self) -> str:
+        """Return the robot's last state in words."""
         state = self.heard.state
         if state is None:
             return "the robot has sent no readable state"
@@ -305,7 +339,7 @@ class RobotSession:
         """Wait for a new error, and check that the order was not taken; raises ClauseFailedError."""
         state = await self.state(lambda state: len(state.errors) > errors_before, f"an error about {what}")
         if state.order_id == order_id:
-            message = f"the robot took {what}; {self._last_state()}"
+            message = f"the robot took {what}; {self.describe()}"
             raise ClauseFailedError(message)
         return state
 

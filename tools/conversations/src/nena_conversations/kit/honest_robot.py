@@ -1,7 +1,7 @@
 """A robot that keeps to VDA 5050 and can do little: it drives a node per step, cancels, fails on request.
 
 It is no copy of the edge agent: it is written from the rules alone, so that fleet control can be tried
-against something that it does not share a line with.
+against something that it does not share a line with. It knows no clock and no broker.
 """
 
 from __future__ import annotations
@@ -13,7 +13,19 @@ from datetime import UTC, datetime, timedelta
 from nena_shared.vda5050.action import Action, ActionState, ActionStatus, InstantActions
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
-from nena_shared.vda5050.factsheet import Factsheet, MobileRobotAction
+from nena_shared.vda5050.factsheet import (
+    Factsheet,
+    LoadSpecification,
+    MaximumArrayLengths,
+    MaximumStringLengths,
+    MobileRobotAction,
+    MobileRobotGeometry,
+    PhysicalParameters,
+    ProtocolFeatures,
+    ProtocolLimits,
+    Timing,
+    TypeSpecification,
+)
 from nena_shared.vda5050.order import Edge, Node, Order
 from nena_shared.vda5050.request import ZoneRequest
 from nena_shared.vda5050.state import (
@@ -27,11 +39,15 @@ from nena_shared.vda5050.state import (
     State,
 )
 from nena_shared.vda5050.topics import RobotKey
-from support.fleet_examples import factsheet as example
 
 ROBOT = RobotKey("Honest", "robot-1")
 MAP = "hall"
 START = datetime(2026, 1, 1, tzinfo=UTC)
+NO_LIMITS = ProtocolLimits(
+    maximum_string_lengths=MaximumStringLengths(),
+    maximum_array_lengths=MaximumArrayLengths(),
+    timing=Timing(minimum_order_interval=0.0, minimum_state_interval=0.1),
+)
 
 
 @dataclass
@@ -54,6 +70,7 @@ class HonestRobot:
     mode: OperatingMode = OperatingMode.AUTOMATIC
     paused: bool = False
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    map_id: str = MAP
     localized: bool = True
     has_pose: bool = True
     """False as between its start and the first pose of its localisation."""
@@ -66,6 +83,10 @@ class HonestRobot:
     """True as in 3.0; False as in 2.x, among the order's actions."""
     lists: tuple[MobileRobotAction, ...] = ()
     """The actions in its factsheet; none: it leaves them out."""
+    limits: ProtocolLimits = NO_LIMITS
+    fulfils: tuple[str, ...] = ()
+    """Further instant actions that end FINISHED; all others fail."""
+    emergency_stop: EmergencyStop = EmergencyStop.NONE
     actions_fail: bool = False
     unreachable: set[str] = field(default_factory=set)
     names_refusals: bool = True
@@ -76,17 +97,19 @@ class HonestRobot:
 
     @property
     def idle(self) -> bool:
+        """Return whether it has nothing left to do."""
         return not self.nodes and not self.edges and all(each.ended for each in self.statuses.values())
 
     def take_order(self, order: Order) -> None:
+        """Take an order or an update, or refuse it."""
         if order.order_id == self.order_id:
             self._take_update(order)
         elif not self.mode.takes_orders:
-            self._refuse(order, ErrorType.MOBILE_ROBOT_NOT_AVAILABLE)
+            self.refuse(order, ErrorType.MOBILE_ROBOT_NOT_AVAILABLE)
         elif not self.idle:
-            self._refuse(order, ErrorType.OTHER_ORDER_ACTIVE)
+            self.refuse(order, ErrorType.OTHER_ORDER_ACTIVE)
         elif not self._stands_at(order.nodes[0]):
-            self._refuse(order, ErrorType.START_NODE_OUT_OF_RANGE)
+            self.refuse(order, ErrorType.START_NODE_OUT_OF_RANGE)
         else:
             self._accept(order)
 
@@ -98,7 +121,7 @@ class HonestRobot:
         end = (base[-1].node_id, base[-1].sequence_id) if base else (self.last_node_id, self.last_sequence_id)
         first = order.nodes[0]
         if self.cleared or (first.node_id, first.sequence_id) != end or self.refuses_updates:
-            self._refuse(order, ErrorType.OUTDATED_ORDER_UPDATE)
+            self.refuse(order, ErrorType.OUTDATED_ORDER_UPDATE)
             return
         horizon = {action.action_id for node in self.nodes if not node.released for action in node.actions}
         self.actions = [each for each in self.actions if each.action_id not in horizon]
@@ -111,6 +134,7 @@ class HonestRobot:
         self.statuses |= {action.action_id: ActionStatus.WAITING for action in new}
 
     def take_instant_actions(self, message: InstantActions) -> None:
+        """Run the instant actions that it does not have yet."""
         for action in message.actions:
             if action.action_id not in self.instants:
                 self.instants[action.action_id] = (action, self._run_instant(action))
@@ -130,6 +154,7 @@ class HonestRobot:
             self._end(running)
 
     def set_mode(self, mode: OperatingMode) -> None:
+        """Switch the mode; one in which it takes no orders ends its order."""
         self.mode = mode
         if not mode.takes_orders:
             self._clear()
@@ -145,6 +170,7 @@ class HonestRobot:
             self.actions.clear()
 
     def connection(self, state: ConnectionState, seconds: float = 0.0) -> Connection:
+        """Return a connection message."""
         return Connection(
             header_id=0,
             timestamp=START + timedelta(seconds=seconds),
@@ -155,13 +181,35 @@ class HonestRobot:
         )
 
     def factsheet(self) -> Factsheet:
-        """Return its factsheet: all features that it does not restrict, and orders at any rate."""
-        made = example(robot=self.key)
-        features = made.protocol_features.model_copy(update={"mobile_robot_actions": self.lists})
-        timing = made.protocol_limits.timing.model_copy(update={"minimum_order_interval": 0.0})
-        limits = made.protocol_limits.model_copy(update={"timing": timing})
-        return made.model_copy(
-            update={"version": self.version, "protocol_features": features, "protocol_limits": limits}
+        """Return the factsheet of a small carrier."""
+        return Factsheet(
+            header_id=1,
+            timestamp=START,
+            version=self.version,
+            manufacturer=self.key.manufacturer,
+            serial_number=self.key.serial_number,
+            type_specification=TypeSpecification(
+                series_name="Carrier 100",
+                mobile_robot_kinematics="DIFFERENTIAL",
+                mobile_robot_class="CARRIER",
+                maximum_load_mass=100.0,
+                localization_types=("NATURAL",),
+                navigation_types=("FREELY_NAVIGATING",),
+            ),
+            physical_parameters=PhysicalParameters(
+                minimum_speed=0.0,
+                maximum_speed=1.2,
+                maximum_acceleration=1.0,
+                maximum_deceleration=1.0,
+                minimum_height=0.4,
+                maximum_height=0.4,
+                width=0.7,
+                length=1.1,
+            ),
+            protocol_limits=self.limits,
+            protocol_features=ProtocolFeatures(optional_parameters=(), mobile_robot_actions=self.lists),
+            mobile_robot_geometry=MobileRobotGeometry(),
+            load_specification=LoadSpecification(),
         )
 
     def state(self, seconds: float = 0.0) -> State:
@@ -194,7 +242,7 @@ class HonestRobot:
             action_states=tuple(own if self.reports_instants_apart else own + instants),
             instant_action_states=tuple(instants if self.reports_instants_apart else ()),
             mobile_robot_position=MobileRobotPosition(
-                x=x, y=y, theta=theta, map_id=MAP, localized=self.localized
+                x=x, y=y, theta=theta, map_id=self.map_id, localized=self.localized
             )
             if self.has_pose
             else None,
@@ -202,7 +250,7 @@ class HonestRobot:
             zone_requests=self.zone_requests,
             operating_mode=self.mode,
             errors=tuple(self.errors),
-            safety_state=SafetyState(active_emergency_stop=EmergencyStop.NONE, field_violation=False),
+            safety_state=SafetyState(active_emergency_stop=self.emergency_stop, field_violation=False),
         )
 
     def _accept(self, order: Order) -> None:
@@ -215,7 +263,8 @@ class HonestRobot:
         self.errors.clear()
         self.accepted.append(order.order_id)
 
-    def _refuse(self, order: Order, kind: ErrorType) -> None:
+    def refuse(self, order: Order, kind: ErrorType) -> None:
+        """Report that it does not take an order."""
         named = self.names_refusals
         entry = error(
             kind,
@@ -269,6 +318,8 @@ class HonestRobot:
             self.paused = action.action_type == "startPause"
         elif action.action_type == "clearInstantActions":
             self.instants.clear()
+        elif action.action_type in self.fulfils:
+            return ActionStatus.FINISHED
         else:
             return ActionStatus.FAILED
         return ActionStatus.FINISHED
@@ -287,4 +338,5 @@ def _action_state(action: Action, status: ActionStatus) -> ActionState:
 
 
 def words(errors: Iterable[ErrorEntry]) -> list[str]:
+    """Return the types of errors."""
     return [each.error_type for each in errors]
