@@ -21,10 +21,10 @@ from nena_conversations.kit.run import RobotUnderTest, judge_robot
 from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.versions import codec_named
-from support.broker import Broker
+from support.broker import Broker, MqttPeer
 from support.edge_agent import MANUFACTURER, SERIAL, AgentProcess
 from support.mutant_robot import Change, Message, mutant
-from support.waiting import PATIENCE
+from support.waiting import PATIENCE, wait_until
 
 pytestmark = pytest.mark.broker
 
@@ -37,10 +37,13 @@ QUICK = 1.5
 
 @pytest.fixture(scope="module")
 def agent(broker: Broker, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Broker, str]]:
-    """Yield a broker and the interface of an honest agent."""
+    """Yield a broker and the interface of an honest agent that has sent its first state."""
     interface = f"honest{uuid4().hex[:6]}"
     options = ("--version", VERSION, "--loopback.x", "1", "--loopback.y", "1", "--loopback.speed", "2")
+    states = f"{interface}/+/+/+/state"
     with AgentProcess(broker, interface, tmp_path_factory.mktemp("journal"), *options):
+        with MqttPeer(broker, states) as peer:
+            wait_until(lambda: bool(peer.received(states)), what="the agent's first state")
         yield broker, interface
 
 
