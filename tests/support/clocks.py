@@ -11,6 +11,7 @@ class ManualClock:
     """A clock that only moves when it is set."""
 
     seconds: float = 0.0
+    worked: float = 0.0
     start: datetime = field(default=datetime(2026, 1, 1, tzinfo=UTC))
 
     def monotonic(self) -> float:
@@ -20,6 +21,10 @@ class ManualClock:
     def now(self) -> datetime:
         """Return the start plus what the clock has been moved."""
         return self.start + timedelta(seconds=self.seconds)
+
+    def cpu(self) -> float:
+        """Return ``worked``."""
+        return self.worked
 
     def advance(self, seconds: float) -> None:
         """Move the clock on by ``seconds`` (not negative)."""

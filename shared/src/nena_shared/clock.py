@@ -20,12 +20,17 @@ class Clock(Protocol):
         """Return the time of day, in UTC."""
         ...
 
+    def cpu(self) -> float:
+        """Return the seconds that this thread has worked, without those in which others had the core."""
+        ...
+
 
 class SystemClock:
     """The system clock."""
 
     monotonic = staticmethod(time.monotonic)
     now = staticmethod(partial(datetime.now, UTC))
+    cpu = staticmethod(time.thread_time)
 
 
 def in_utc(value: datetime) -> datetime:

@@ -69,6 +69,10 @@ class LoopClock:
         """Return a time of day that passes with the loop."""
         return START + timedelta(seconds=self.monotonic())
 
+    def cpu(self) -> float:
+        """Return 0: work takes no time."""
+        return 0.0
+
 
 def run_virtually(main: Coroutine[Any, Any, T]) -> T:
     """Run ``main`` in a separate loop; return its result."""

@@ -23,6 +23,7 @@ from nena_shared.fleet_api.transport_order import (
 )
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
+from support.clocks import ManualClock
 from support.order_service import request
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine, sent
@@ -382,8 +383,29 @@ async def test_looking_at_all_vehicles_takes_a_limited_share_of_the_time(
         return False
 
     monkeypatch.setattr(engine_module, "set_within", passes)
-    monkeypatch.setattr(engine_module, "thread_time", lambda: next(now) * seconds)
+    monkeypatch.setattr(engine.clock, "cpu", lambda: next(now) * seconds)
     monkeypatch.setattr(engine, "run_checks", looked)
     with pytest.raises(asyncio.CancelledError):
         await engine.run()
     assert looks == looked_at
+
+
+@pytest.mark.parametrize(("passed", "worked", "sent"), [(0.1, 0.002, ["V1", "V2"]), (0.1, 0.1, ["V1"])])
+async def test_only_a_decision_with_much_work_delays_the_next(
+    monkeypatch: pytest.MonkeyPatch, passed: float, worked: float, sent: list[str]
+) -> None:
+    clock, fleet = ManualClock(), ScriptedFleet({"V1": "A", "V2": "C"})
+    engine = await make_engine(PLANT, MemoryStore(), fleet, clock=clock)
+    decide = engine.life_cycle.dispatch_orders
+
+    def held_up() -> None:
+        decide()
+        clock.seconds += passed
+        clock.worked += worked
+
+    monkeypatch.setattr(engine.life_cycle, "dispatch_orders", held_up)
+    for vehicle in ("V1", "V2"):
+        engine.create(request("B", intendedVehicle=vehicle), f"T-{vehicle}")
+
+    assigned = [order.vehicle for order in engine.state.orders.unfinished() if order.vehicle]
+    assert assigned == sent
