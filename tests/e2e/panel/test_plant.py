@@ -20,7 +20,7 @@ from nena_shared.vda5050.topics import RobotKey
 from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
 from support.order_service_fleet import Fleet, vehicle_idle
-from support.panel import becomes, findings, opened, picture
+from support.panel import Hall, becomes, findings, opened, picture
 from support.panel_texts import Texts
 from support.programs import OrderServiceProgram
 from support.robot_maps import robot_map
@@ -327,6 +327,10 @@ async def test_points_are_selected_aligned_split_and_versions_compared(
         await page.get_by_role("link", name="Drafts").click()
         version = page.locator("li[data-version='1']")
         await expect(version).to_contain_text("Active")
+        await version.get_by_role("button", name="Differences").click()
+        await expect(version.locator(".hint").last).to_have_text("No differences.")
+        assert await findings(page) == []
+        await picture(page, "plant-drafts")
         await version.get_by_role("button", name="Make a draft").click()
         await expect(page.get_by_role("heading", name="version 1")).to_be_visible()
         assert len((await drawn(page))["points"]) == len(model["points"])
@@ -406,3 +410,68 @@ async def test_2500_points_are_dragged_smoothly(
             await expect(page.locator(SAVED)).to_be_visible()
             stored = (await made.draft("large"))["model"]["points"]
             assert next(each for each in stored if each["name"] == "25/25")["xMm"] == moved["xMm"]
+
+
+CHANGED = """async (model) => {
+  const m = await import("/plant/model.js");
+  const history = new m.History(model);
+  const steps = [
+    (now) => m.connect(now, "A", "C", true),
+    (now) => m.move(now, new Set(["C"]), 0, 1000),
+    (now) => m.split(now, ["A --- B"], { name: "M", xMm: 1000, yMm: 0 }),
+    (now) => m.rename(now, "points", "A", "Z"),
+    (now) => m.rename(now, "locationTypes", "T", "Table"),
+    (now) => m.distribute(now, new Set(["Z", "M", "C", "L"]), "xMm"),
+    (now) => m.remove(now, ["C"]),
+  ];
+  const made = steps.map((step) => (history.push(step(history.present)), history.present));
+  while (history.undo());
+  const first = history.present;
+  while (history.redo());
+  return { made, first, last: history.present, same: history.push(history.present) };
+}"""
+
+
+async def test_changes_keep_what_refers_to_an_object_and_are_undone(hall: Hall, browser: Browser) -> None:
+    use = {"vehicleTypeId": "small", "trajectory": {"knotVector": [], "controlPoints": []}}
+    door = {"location": "L", "name": "open", "executionTrigger": "AFTER_MOVEMENT"}
+    path = {"name": "A --- B", "source": "A", "destination": "B", "lengthMm": 4000, "locked": True}
+    model = {
+        "name": "small",
+        "points": [
+            {"name": "A", "xMm": 0, "yMm": 0},
+            {"name": "B", "xMm": 2000, "yMm": 0},
+            {"name": "C", "xMm": 0, "yMm": 2000},
+        ],
+        "paths": [{**path, "vehicleTypes": [use], "peripheralOperations": [door]}],
+        "locationTypes": [{"name": "T"}],
+        "locations": [{"name": "L", "type": "T", "xMm": 5000, "links": [{"point": "C"}]}],
+        "blocks": [{"name": "K", "members": ["A", "A --- B"]}, {"name": "empty", "members": []}],
+    }
+    async with hall.connected(), opened(browser, hall.url) as page:
+        done = await page.evaluate(CHANGED, model)
+    assert (done["first"], done["last"], done["same"]) == (model, done["made"][-1], False)
+    connected, moved, split, renamed, typed, spread, removed = done["made"]
+    assert [each["name"] for each in connected["paths"]] == ["A --- B", "A --- C", "C --- A"]
+    assert [each["lengthMm"] for each in moved["paths"]] == [4000, 3000, 3000]
+    parts = split["paths"][:2]
+    assert [(each["name"], each["lengthMm"], each["locked"]) for each in parts] == [
+        ("A --- M", 2000, True),
+        ("M --- B", 2000, True),
+    ], "a length that was set by hand keeps its ratio"
+    assert [each["vehicleTypes"] for each in parts] == [[{"vehicleTypeId": "small"}]] * 2
+    assert [each["peripheralOperations"] for each in parts] == [[], [door]]
+    assert split["blocks"][0]["members"] == ["A", "A --- M", "M", "M --- B"]
+    assert renamed["blocks"][0]["members"] == ["Z", "Z --- M", "M", "M --- B"]
+    assert {(each["source"], each["destination"]) for each in renamed["paths"]} == {
+        ("Z", "M"),
+        ("M", "B"),
+        ("Z", "C"),
+        ("C", "Z"),
+    }
+    assert (typed["locationTypes"][0]["name"], typed["locations"][0]["type"]) == ("Table", "Table")
+    places = {each["name"]: each["xMm"] for each in (*spread["points"], *spread["locations"])}
+    assert places == {"Z": 0, "B": 2000, "C": 1667, "M": 3333, "L": 5000}
+    assert removed["locations"][0]["links"] == []
+    assert [each["name"] for each in removed["paths"]] == ["Z --- M", "M --- B"]
+    assert [each["name"] for each in removed["blocks"]] == ["K", "empty"]

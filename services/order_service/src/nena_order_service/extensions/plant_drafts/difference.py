@@ -44,8 +44,9 @@ def _of_kind(kind: ObjectKind, old: Mapping[str, Any], new: Mapping[str, Any]) -
             yield PlantDifference(change=DifferenceKind.ADDED, kind=kind, name=name)
         elif (before := old[name]) != thing:
             yield _difference(kind, before, thing)
-    for name in old.keys() - new.keys():
-        yield PlantDifference(change=DifferenceKind.REMOVED, kind=kind, name=name)
+    for name in old:
+        if name not in new:
+            yield PlantDifference(change=DifferenceKind.REMOVED, kind=kind, name=name)
 
 
 def _difference(kind: ObjectKind, old: Any, new: Any) -> PlantDifference:  # noqa: ANN401 - of any kind

@@ -140,9 +140,9 @@ class DraftCanvas extends HTMLElement {
   }
 
   #describe({ kind, thing }, count) {
-    const values = { name: thing.name, count: number(count), x: number((thing.xMm ?? 0) / MM, 2), y: number((thing.yMm ?? 0) / MM, 2), length: number((thing.lengthMm ?? 0) / MM, 2) };
-    if (count > 1) return t("plant.several", values);
-    return t(`plant.told.${kind}`, values);
+    if (count > 1) return t("plant.several", { count: number(count) });
+    const place = kind === "path" ? t("map.scale", { length: number(thing.lengthMm / MM, 2) }) : t("map.position", { x: number((thing.xMm ?? 0) / MM, 2), y: number((thing.yMm ?? 0) / MM, 2) });
+    return `${t(`plant.kind.${kind}`)} ${thing.name}, ${place}`;
   }
 
   #edit(model, selection) {

@@ -134,8 +134,11 @@ function adapted(path, ends, before, after) {
   const [from, to] = ends.map((shift) => shift ?? [0, 0]);
   const corner = (each) => ({ xMm: each.xMm + (from[0] + to[0]) / 2, yMm: each.yMm + (from[1] + to[1]) / 2 });
   const layout = path.layout?.controlPoints && { layout: { ...path.layout, controlPoints: path.layout.controlPoints.map(corner) } };
-  const uses = path.vehicleTypes && { vehicleTypes: path.vehicleTypes.map(({ trajectory, ...kept }) => kept) };
-  return { ...path, lengthMm, ...layout, ...uses };
+  return { ...withoutTrajectories(path), lengthMm, ...layout };
+}
+
+function withoutTrajectories(path) {
+  return path.vehicleTypes ? { ...path, vehicleTypes: path.vehicleTypes.map(({ trajectory, ...kept }) => kept) } : path;
 }
 
 function byName(things) {
@@ -208,22 +211,23 @@ export function remove(model, names) {
   const doors = (path) => (path.peripheralOperations ? { ...path, peripheralOperations: path.peripheralOperations.filter((each) => !gone.has(each.location)) } : path);
   const linked = (each) => (each.links ? { ...each, links: each.links.filter(({ point }) => !gone.has(point)) } : each);
   const blocks = (model.blocks ?? []).map((each) => ({ ...each, members: (each.members ?? []).filter((member) => !gone.has(member)) }));
-  return { ...model, points: rest("points"), paths: rest("paths").map(doors), locations: rest("locations").map(linked), blocks: blocks.filter(({ members }) => members.length) };
+  return { ...model, points: rest("points"), paths: rest("paths").map(doors), locations: rest("locations").map(linked), blocks: blocks.filter(({ members }, at) => members.length || !model.blocks[at].members?.length) };
 }
 
-/** Insert a point into paths: each becomes two. */
+/** Insert a point into paths: each becomes two, in the blocks of the path. */
 export function split(model, names, point) {
-  let made = add(remove(model, names), "points", point);
-  for (const name of names) {
-    const { thing } = find(model, name);
-    const { layout, vehicleTypes, ...kept } = thing;
-    for (const [source, destination] of [[thing.source, point.name], [point.name, thing.destination]]) {
-      const { thing: from } = find(made, source);
-      const { thing: to } = find(made, destination);
-      made = add(made, "paths", { ...kept, name: pathName(source, destination), source, destination, lengthMm: Math.max(1, Math.round(apart(from, to))) });
-    }
-  }
-  return made;
+  return names.reduce((made, name) => {
+    const { layout, peripheralOperations = [], ...path } = withoutTrajectories(find(made, name).thing);
+    const [from, to] = [find(made, path.source).thing, find(made, path.destination).thing];
+    const ratio = path.lengthMm / (apart(from, to) || 1);
+    const part = (a, b, operations) => ({ ...path, name: pathName(a.name, b.name), source: a.name, destination: b.name, lengthMm: Math.max(1, Math.round(ratio * apart(a, b))), peripheralOperations: operations });
+    const atEnd = ({ executionTrigger }) => executionTrigger === "AFTER_MOVEMENT";
+    const parts = [part(from, point, peripheralOperations.filter((each) => !atEnd(each))), part(point, to, peripheralOperations.filter(atEnd))];
+    const paths = made.paths.flatMap((each) => (each.name === name ? parts : [each]));
+    const inside = (member) => (member === name ? [parts[0].name, point.name, parts[1].name] : [member]);
+    const blocks = (made.blocks ?? []).map((each) => ({ ...each, members: [...new Set((each.members ?? []).flatMap(inside))] }));
+    return { ...made, paths, blocks };
+  }, add(model, "points", point));
 }
 
 /** Round to a multiple of a grid, mm; 0: to whole mm. */

@@ -14,7 +14,7 @@ import { DraftSaver } from "./saving.js";
 
 const TOOLS = ["select", "point", "oneWay", "twoWay", "location", "ruler"];
 const GRIDS = [0, 0.1, 0.25, 0.5, 1, 2];
-const FORMATS = ["nena", "opentcs", "lif", "lif2", "nav2-route"];
+const FORMATS = { nena: "NeNa JSON", opentcs: "openTCS XML", lif: "LIF 1.0", lif2: "LIF 2.0", "nav2-route": "Nav2 GeoJSON" };
 const STATIONS = { Station: ["Load cargo", "Unload cargo"], Charger: ["Charge"] };
 const SHOWN = 200; // differences and findings
 const MM = 1000;
@@ -89,15 +89,16 @@ class PlantPage extends HTMLElement {
     const fields = element("div", { class: "fields" }, field(t("plant.draftName"), name), field(t("plant.source"), source), fileField);
     const send = async () => {
       if (drafts.some((each) => each.name === name.value)) throw new RefusedError({ detail: t("plant.taken", { name: name.value }) });
-      await command(["plantDrafts", name.value], { version: null, ...(await content[source.value]()) }, "PUT");
-      this.#goTo(name.value);
-      return ["schedules.saved", { name: name.value }];
+      return this.#create(name.value, await content[source.value]());
     };
     return commandForm({ label: t("plant.new"), submit: t("plant.new"), fields: [fields], send });
   }
 
-  #goTo(name) {
+  // Create a draft and go to it.
+  async #create(name, content) {
+    await command(["plantDrafts", name], { version: null, ...content }, "PUT");
     location.hash = address("plant", name);
+    return ["schedules.saved", { name }];
   }
 
   #draftItem({ name, points, paths, locations, changed, by }) {
@@ -125,12 +126,8 @@ class PlantPage extends HTMLElement {
       const answer = await ask("plantVersions", String(which), "differences").catch((error) => error);
       place.replaceChildren(answer instanceof Error ? foreign("p", answer.message) : differencesList(answer));
     }, { "aria-label": t("plant.differencesOf", { number: which }) });
-    const back = button(t("plant.makeDraft"), () => run(back, this.result, async () => {
-      const made = t("plant.versionDraft", { number: which, time: new Date().toISOString().slice(0, 19).replace("T", " ") });
-      await command(["plantDrafts", made], { version: null, fromVersion: which }, "PUT");
-      this.#goTo(made);
-      return ["schedules.saved", { name: made }];
-    }), { "aria-label": t("plant.makeDraftOf", { number: which }) });
+    const make = () => this.#create(t("plant.versionDraft", { number: which, time: now() }), { fromVersion: which });
+    const back = button(t("plant.makeDraft"), () => run(back, this.result, make), { "aria-label": t("plant.makeDraftOf", { number: which }) });
     const head = element("div", { class: "line" }, element("strong", {}, t("plant.version", { number: which })), " ", verbatim("span", name), ...(isActive ? [element("span", { class: "chip", "data-state": "ACTIVE" }, t("schedules.ACTIVE"))] : []), differ, back);
     const from = draft ? t("plant.fromDraft", { draft }) : "";
     const who = by ? t("plant.activatedBy", { time: dateAndTime(activated), by }) : t("plant.fromFile", { time: dateAndTime(activated) });
@@ -250,18 +247,14 @@ class PlantPage extends HTMLElement {
     const { state, error } = this.#saver;
     setText(this.state, t(`plant.state.${state}`));
     this.state.dataset.state = state;
-    if (state === "conflict" || state === "gone") {
-      const again = button(t("plant.openTheirs"), () => this.open(""));
-      const copy = button(t("plant.saveMine"), () => this.#saveCopy());
-      this.conflict.replaceChildren(element("section", {}, foreign("p", error.message), element("div", { class: "actions" }, ...(state === "gone" ? [] : [again]), copy)));
-    } else if (state === "refused") this.conflict.replaceChildren(element("section", {}, foreign("p", error.message), element("ul", {}, ...error.errors.map((each) => foreign("li", each)))));
-    else this.conflict.replaceChildren();
-  }
-
-  async #saveCopy() {
-    const name = t("plant.copyName", { name: this.name, time: new Date().toISOString().slice(0, 19).replace("T", " ") });
-    await command(["plantDrafts", name], { version: null, model: this.history.present }, "PUT");
-    this.#goTo(name);
+    if (!["conflict", "gone", "refused"].includes(state)) return this.conflict.replaceChildren();
+    const result = element("output", { class: "result", role: "status" });
+    const again = button(t("plant.openTheirs"), () => this.open(""));
+    const name = t("plant.copyName", { name: this.name.slice(0, 40), time: now() });
+    const copy = button(t("plant.saveMine"), () => run(copy, result, () => this.#create(name, { model: this.history.present })));
+    const actions = { conflict: [again, copy], gone: [copy], refused: [] }[state];
+    const errors = error.errors.map((each) => foreign("li", each));
+    this.conflict.replaceChildren(element("section", {}, foreign("p", error.message), element("ul", {}, ...errors), element("div", { class: "actions" }, ...actions), result));
   }
 
   #showEditors() {
@@ -379,9 +372,9 @@ class PlantPage extends HTMLElement {
   }
 
   #files() {
-    const format = select(FORMATS.map((each) => [each, t(`plant.format.${each.replace("-", "")}`)]), { "aria-label": t("plant.format") });
+    const format = select(Object.entries(FORMATS).map(([each, name]) => [each, name, true]), { "aria-label": t("plant.format") });
     const result = element("output", { class: "result", role: "status" });
-    const download = button(t("plant.download"), () => run(download, result, async () => {
+    const download = button(t("plant.files"), () => run(download, result, async () => {
       await this.#saver.flush();
       const { fileName, content, losses } = await askWith(["plantDrafts", this.name, "file"], [["format", format.value]]);
       save(fileName, content, "application/octet-stream");
@@ -390,6 +383,10 @@ class PlantPage extends HTMLElement {
     }));
     return element("section", { "aria-label": t("plant.files") }, element("h3", {}, t("plant.files")), element("div", { class: "actions" }, format, download), result);
   }
+}
+
+function now() {
+  return new Date().toISOString().slice(0, 19).replace("T", " ");
 }
 
 // The model with a location type of this kind, and the name of the type.

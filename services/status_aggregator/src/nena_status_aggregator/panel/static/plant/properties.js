@@ -33,7 +33,7 @@ class Form {
 
   name() {
     const input = element("input", { type: "text", value: this.single.name, maxlength: 200, translate: "no" });
-    return changed(t("plant.name"), input, () => this.edit(rename(this.model, this.list, this.single.name, input.value.trim()), [input.value.trim() || this.single.name]));
+    return changed(t("schedules.name"), input, () => this.edit(rename(this.model, this.list, this.single.name, input.value.trim()), [input.value.trim() || this.single.name]));
   }
 
   coordinate(key, axis) {
