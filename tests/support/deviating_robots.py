@@ -125,6 +125,11 @@ def _of_position() -> Iterator[Deviation]:
     yield Deviation(
         "no mapId, plant with one map", {"agvPosition.mapId": MISSING}, f"{map_id} missing: replaced"
     )
+    yield Deviation(
+        "mapId in capitals, plant with one map",
+        {"agvPosition.mapId": str.upper},
+        f'{map_id} "HALL": letter case',
+    )
     yield Deviation("heading as text", {"agvPosition.theta": "0.5"}, f'{at} "0.5": text as number')
     yield Deviation(
         "localizationScore 95",

@@ -190,7 +190,9 @@ class MessageReader:
 
     def _lacks_map(self, message: Header) -> bool:
         position = getattr(message, "mobile_robot_position", None) if self._only_map else None
-        return position is not None and not position.map_id and not self._strict
+        if position is None or position.map_id == self._only_map or self._strict:
+            return False
+        return position.map_id.casefold() in ("", self._only_map.casefold())
 
     def _repaired(
         self, kind: type[M], topic: str, payload: bytes, major_version: str, only: frozenset[str]

@@ -331,7 +331,7 @@ POSITIONS: Final = frozenset({"agvPosition", "mobileRobotPosition"})
 def repair_position(
     content: dict[str, Any], repairs: Repairs, *, in_degrees: bool, only_map: str = ""
 ) -> bool:
-    """Convert a heading in degrees, and replace an empty mapId by ``only_map``; return ``in_degrees``.
+    """Convert a heading in degrees, and replace a mapId that means ``only_map``; return ``in_degrees``.
 
     Headings are in degrees from the first one that is beyond a full turn in radians.
     """
@@ -339,9 +339,10 @@ def repair_position(
         position = content[name]
         if not isinstance(position, dict):
             continue
-        if only_map and position.get("mapId") in ("", None):
-            received = quoted(position["mapId"]) if "mapId" in position else "missing"
-            repairs[f"{name}.mapId", RepairKind.REPLACED] = received
+        said = position.get("mapId")
+        if only_map and said != only_map and str(said or "").casefold() in ("", only_map.casefold()):
+            kind = RepairKind.LETTER_CASE if said else RepairKind.REPLACED
+            repairs[f"{name}.mapId", kind] = quoted(said) if "mapId" in position else "missing"
             position["mapId"] = only_map
         theta = position.get("theta")
         heading: Any = _parse_number(theta) if isinstance(theta, str) else theta

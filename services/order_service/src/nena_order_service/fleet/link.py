@@ -164,6 +164,8 @@ class LastNodes:
 
 def in_letters_of(vda_order: VdaOrder, state: State) -> tuple[State, tuple[Repair, ...]]:
     """Return a state with the IDs of the robot's order in the letter case in which they were sent."""
+    if state.order_id == vda_order.order_id and not state.action_states:
+        return state, ()  # most states, in a tenth of the time
     ours = {each.casefold(): each for each in (vda_order.order_id, *vda_order.action_ids)}
     ids = [action.action_id for action in state.action_states]
     others = [each for each in (state.order_id, *ids) if ours.get(each.casefold(), each) != each]
