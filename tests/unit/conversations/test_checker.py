@@ -177,6 +177,15 @@ def test_a_graph_that_a_schema_would_let_pass_is_named(
 
 
 @pytest.mark.parametrize("version", CODECS)
+def test_a_key_with_two_values_is_an_error(version: str) -> None:
+    payload = codec_for(version).encode(order("n0", "n1"))
+    finding, _ = sent(version, "order", b'{"orderId":"x",' + payload[1:]).findings
+
+    assert (finding.rule, finding.severity) == (Rule.MESSAGE, Severity.ERROR)
+    assert finding.text.startswith("orderId: is there twice")
+
+
+@pytest.mark.parametrize("version", CODECS)
 def test_a_field_that_the_version_does_not_have_is_a_warning(version: str) -> None:
     (finding,) = changed(version, colour="red").findings
 

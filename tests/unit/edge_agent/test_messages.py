@@ -263,6 +263,21 @@ def test_the_error_of_a_refused_message_quotes_the_value() -> None:
     assert event.error.error_description == f"not a valid Order: {said}"
 
 
+@pytest.mark.parametrize("strict", [False, True])
+@pytest.mark.parametrize(
+    ("before", "refused"),
+    [('"orderId":"other",', "orderId"), ('"nodes":[],', "nodes"), ('"orderUpdateId":0,', "")],
+)
+def test_a_key_with_two_values_is_refused(before: str, refused: str, *, strict: bool) -> None:
+    receiver = Receiver(strict=strict)
+    receiver.order(b"{" + before.encode() + CODEC.encode(order("n0", "n1"))[1:])
+
+    if refused:
+        assert receiver.refusal["parameter"] == refused
+    else:
+        assert isinstance(receiver.events[0], OrderReceived)
+
+
 @pytest.mark.parametrize(("map_ids", "read"), [({"hall"}, True), ({"hall", "yard"}, False)])
 def test_an_order_without_map_is_on_the_only_one_of_the_robot(map_ids: set[str], *, read: bool) -> None:
     events: list[Event] = []

@@ -29,12 +29,12 @@ from nena_shared.mqtt.identity import private_client_id
 from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.action import Action, ActionParameter, InstantActions
 from nena_shared.vda5050.base import Header
-from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
 from nena_shared.vda5050.command_reader import read_command
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.deviations import Deviations
 from nena_shared.vda5050.error import ErrorReference, ErrorType, error
-from nena_shared.vda5050.malformed import MalformedMessageError, quoted
+from nena_shared.vda5050.malformed import TWICE, MalformedMessageError, quoted, repeated_key
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.repair import FULL_TURN, Repair, RepairKind
 from nena_shared.vda5050.responses import Responses
@@ -303,6 +303,8 @@ class Inbox:
 
     def _decode_message(self, kind: type[M], payload: bytes, topic: Topic) -> M:
         self._dated = True
+        if len(payload) <= MAXIMUM_PAYLOAD and (key := repeated_key(payload)):
+            raise MalformedMessageError(kind.__name__, [f"{key}: {TWICE}"], payload)
         # A strict robot refuses what violates the standard; others repair what has only one meaning.
         if self._strict:
             return self._codec.decode(kind, payload)

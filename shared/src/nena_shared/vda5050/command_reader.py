@@ -10,7 +10,7 @@ from pydantic_core import from_json
 
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
-from nena_shared.vda5050.malformed import MalformedMessageError, quoted, repeated_key
+from nena_shared.vda5050.malformed import MalformedMessageError, quoted
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.repair import (
     Repair,
@@ -50,8 +50,6 @@ def read_command(
     Raises:
         MalformedMessageError: it violates the standard and cannot be repaired; names only what remains.
     """
-    if len(payload) <= MAXIMUM_PAYLOAD and (key := repeated_key(payload)):
-        raise MalformedMessageError(kind.__name__, [f"{key}: is there twice, with different values"], payload)
     try:
         command = codec.decode(kind, payload)
     except MalformedMessageError:

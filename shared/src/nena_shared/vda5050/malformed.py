@@ -25,6 +25,9 @@ QUOTE = " (received "
 QUOTED = 60
 """Maximum length of a quoted value, characters."""
 
+TWICE: Final = "is there twice, with different values"
+"""What is wrong with a repeated key."""
+
 PROBLEMS_SHOWN = 5
 TOO_MANY = 1000
 

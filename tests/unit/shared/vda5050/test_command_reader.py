@@ -254,22 +254,6 @@ def test_the_name_of_another_robot_is_left_as_it_is(order: dict[str, Any]) -> No
     assert (message.serial_number, repairs) == ("0002", [])
 
 
-@pytest.mark.parametrize(
-    ("before", "refused"),
-    [('"orderId":"other",', "orderId"), ('"nodes":[],', "nodes"), ('"orderUpdateId":0,', "")],
-)
-def test_a_key_with_two_values_is_refused(order: dict[str, Any], before: str, refused: str) -> None:
-    payload = b"{" + before.encode() + json.dumps(order | {"orderUpdateId": 0}).encode()[1:]
-    if not refused:
-        assert (
-            read_command(Order, codec_for("2.1.0"), payload, now=ARRIVAL, robot=ROBOT)[0].order_update_id == 0
-        )
-        return
-    with pytest.raises(MalformedMessageError, match=f"{refused}: is there twice") as caught:
-        read_command(Order, codec_for("2.1.0"), payload, now=ARRIVAL, robot=ROBOT)
-    assert caught.value.references["parameter"] == refused
-
-
 def test_names_of_fields_are_read_in_any_letter_case_but_not_those_in_values(order: dict[str, Any]) -> None:
     beep = BEEP | {"actionParameters": [{"key": "tone", "value": {"NodeId": 1}}]}
     odd = json.loads(json.dumps(changed(order, {"nodes.0.actions": [beep]})).replace('"nodeId"', '"NODEID"'))

@@ -21,6 +21,7 @@ from nena_shared.vda5050.codec import KINDS
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.factsheet import ActionScope, Factsheet, MaximumArrayLengths, ProtocolLimits
 from nena_shared.vda5050.graph import violations
+from nena_shared.vda5050.malformed import TWICE, repeated_key
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.state import State
@@ -48,6 +49,8 @@ def message_problems(received: ReceivedMessage) -> Iterator[Problem]:
             rule = GRAPH_RULES.get(field, Rule.GRAPH) if problem in broken else Rule.MESSAGE
             yield rule, Severity.ERROR, problem
         return
+    if key := repeated_key(received.payload):
+        yield Rule.MESSAGE, Severity.ERROR, f"{key}: {TWICE}"
     # 0010: our codecs read misspellings and unknown fields, so only what they would write shows them.
     written: JsonValue = received.message.model_dump(mode="json", by_alias=True)
     deviations = list(_check_form(from_json(received.payload), written, ""))
