@@ -32,7 +32,7 @@ endef
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup action-types wheels check-wheels lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses soak-nemesis oidc-test docs compose-test colcon-test kilted-test nav2-test smoke demo bench conversations hooks clean broker brokers brokers-more brokers-test browser monitoring alerts-test sbom fuzz faults conformance reference
+.PHONY: help setup action-types wheels check-wheels lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses soak-nemesis oidc-test docs compose-test colcon-test kilted-test firefox-test nav2-test smoke demo bench conversations hooks clean broker brokers brokers-more brokers-test browser monitoring alerts-test sbom fuzz faults conformance reference
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -191,6 +191,15 @@ $(VENV)/kilted/.set-up: requirements/kilted.txt $(STAMP)
 	$(VENV)/kilted/bin/pip install --quiet --no-deps --no-build-isolation $(DISTRIBUTIONS:%=-e %)
 	$(VENV)/kilted/bin/python -m nena_robot_simulator.interfaces
 	@touch $@
+
+# Later versions of Playwright send commands that Firefox ESR does not know.
+$(VENV)/firefox/.set-up: requirements/firefox.txt $(STAMP)
+	$(BIN)/python -m pip install --quiet --quiet --no-deps --require-hashes --upgrade --target $(@D) -r $<
+	@touch $@
+
+firefox-test: $(VENV)/firefox/.set-up broker ## the panel's tests in Firefox instead of Chromium, about an hour (TESTS=path for a part)
+	@command -v firefox-esr >/dev/null || command -v firefox >/dev/null || $(call install,firefox-esr)
+	NENA_BROWSER=firefox PYTHONPATH=$(abspath $(VENV))/firefox $(BIN)/pytest $(SHARED_OUT) $(or $(TESTS),tests/e2e/panel)
 
 OTHER_ROS := tests/integration/edge_agent/nav2/test_other_distribution.py
 kilted-test: $(VENV)/kilted/.set-up action-types broker ## the edge agent's tests on the wheels of ROS 2 Kilted, and with Jazzy in one domain (TESTS=path for a part)

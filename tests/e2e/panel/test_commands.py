@@ -369,6 +369,52 @@ async def test_a_waiting_order_is_changed_and_a_finished_one_repeated(
             await expect(shown.locator("h2")).to_have_text(re.compile("^T-1-"))
 
 
+async def test_several_orders_are_prioritised_repeated_and_withdrawn(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with operated(broker, interface_name, tmp_path) as fleet:
+        for name in ("WMS-1", "WMS-2", "WMS-3"):  # Robot-02 has never connected
+            stop = {"locationName": "Goods in", "operation": "Load cargo"}
+            body = {"name": name, "intendedVehicle": "Robot-02", "destinations": [stop]}
+            assert (await fleet.orders.post("/v1/transportOrders", json=body)).status_code == 201
+
+        async def listed() -> list[tuple[str, int, str]]:
+            found = (await fleet.orders.get("/v1/transportOrders")).json()["transportOrders"]
+            return sorted((each["name"][:5], each["priority"], each["outcome"] or "") for each in found)
+
+        async with opened(browser, fleet.url) as page:
+            await page.get_by_role("tab", name="Orders").click()
+
+            async def mark() -> None:
+                for name in ("WMS-1", "WMS-2"):
+                    await page.get_by_role("checkbox", name=f"Select {name}", exact=True).check()
+
+            result, bar = page.locator("nena-several-orders .result"), page.locator("nena-several-orders")
+            await mark()
+            await expect(bar).to_contain_text("2 orders selected")
+            await bar.get_by_label("Priority").fill("7")
+            await picture(page, "several-orders")
+            assert await findings(page) == []
+            await button(page, "Set priority").click()
+            await expect(result).to_have_text("Priority of 2 of 2 orders set")
+            assert await listed() == [("WMS-1", 7, ""), ("WMS-2", 7, ""), ("WMS-3", 0, "")]
+            await mark()
+            await bar.get_by_role("button", name="Repeat").click()
+            await expect(result).to_have_text("2 of 2 orders repeated")
+            assert [each[:2] for each in await listed()] == [
+                *[("WMS-1", 7)] * 2,
+                *[("WMS-2", 7)] * 2,
+                ("WMS-3", 0),
+            ]
+            await mark()
+            await button(page, "Withdraw …").click()
+            await button(page, "Withdraw 2 orders at once").click()
+            await expect(result).to_have_text("2 of 2 orders withdrawn")
+            assert [each[2] for each in await listed()] == ["", "WITHDRAWN", "", "WITHDRAWN", ""]
+            await expect(page.get_by_role("button", name="Withdrawn 2")).to_be_visible()
+            await expect(page.locator("nena-attention-button")).not_to_contain_text("WMS")
+
+
 async def test_withdrawal_is_confirmed_and_a_refusal_shown(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:

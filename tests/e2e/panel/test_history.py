@@ -14,7 +14,7 @@ from playwright.async_api import Browser, Error, Page, Route, expect
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
-from nena_status_aggregator.fleet.events import Code, Event
+from nena_status_aggregator.fleet.events import Code, Event, Values
 from support.fleet_examples import ROBOT, connection, position, state
 from support.panel import LABELS, Hall, becomes, findings, opened, picture, seconds_now
 from support.panel_history import recorded
@@ -127,7 +127,7 @@ async def test_what_waits_or_needs_a_person_looks_as_it_did_live(
 
     r1, gone = "ACME/r1", "ACME/gone"
     area = {"xMin": 7.0, "yMin": 3.0, "xMax": 9.0, "yMax": 5.0}
-    stop = {"stop": "S-1", "by": "Anna", "reason": "oil", **area}
+    stop: Values = {"stop": "S-1", "by": "Anna", "reason": "oil", **area}
     events = [
         placed(minute(0), r1, 3),
         changed(minute(0), r1, "BUSY", before="IDLE", reason="driving"),
@@ -163,9 +163,9 @@ async def test_what_waits_or_needs_a_person_looks_as_it_did_live(
                 assert await page.evaluate("document.querySelector('nena-fleet-map').replayed.areas") == areas
                 if number == 15:
                     await picture(page, "history-urgent")
-            events = page.locator("nena-history-page .history")
-            await expect(events).to_contain_text("Anna (oil): Stop ended")
-            await expect(events).to_contain_text("7 robots wait behind it")
+            listed = page.locator("nena-history-page .history")
+            await expect(listed).to_contain_text("Anna (oil): Stop ended")
+            await expect(listed).to_contain_text("7 robots wait behind it")
 
 
 async def test_an_hour_of_many_robots_is_replayed_from_its_begin(

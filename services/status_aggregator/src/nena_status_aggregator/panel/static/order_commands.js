@@ -120,7 +120,7 @@ export class OrderCommands {
   }
 }
 
-/** Repeats or withdraws the marked orders of the list. */
+/** Repeats or withdraws the marked orders of the list, or sets the priority of those that wait. */
 class SeveralOrders extends HTMLElement {
   /** Attach to the table in which orders are marked. */
   show(table) {
@@ -129,8 +129,10 @@ class SeveralOrders extends HTMLElement {
     this.repeat = button(t("order.repeat"), () => this.#send("repeat", this.#marked(), ({ name }) => repeat(name, newKey())));
     this.withdraw = button(t("several.withdraw"), () => (this.sure.hidden = !this.sure.hidden));
     this.sure = button("", () => this.#send("withdraw", this.#marked().filter(({ final }) => !final), ({ name }) => withdraw(name)), { class: "danger", hidden: true });
+    this.priority = numberInput({ name: "priority", value: 0, min: -1000, max: 1000, step: 1, "aria-label": t("form.priority") });
+    this.prioritise = button(t("several.priority"), () => this.priority.reportValidity() && this.#send("priority", this.#waiting(), ({ name }) => this.#setPriority(name)));
     const clear = button(t("several.clear"), () => table.mark([...table.marked], false));
-    this.bar = element("div", { class: "actions" }, this.count, this.repeat, this.withdraw, this.sure, clear);
+    this.bar = element("div", { class: "actions" }, this.count, this.repeat, this.withdraw, this.sure, this.priority, this.prioritise, clear);
     this.result = element("output", { class: "result", role: "status" });
     this.replaceChildren(this.bar, this.result);
     for (const name of ["marked", "count"]) table.addEventListener(name, () => this.#update());
@@ -142,8 +144,17 @@ class SeveralOrders extends HTMLElement {
     return [...this.table.marked].map((id) => this.table.store.orders.get(id)).filter(Boolean);
   }
 
+  #waiting() {
+    return this.#marked().filter(({ state }) => WAITING.includes(state));
+  }
+
+  #setPriority(name) {
+    return command(["transportOrders", name], { priority: numberOf(this.priority) ?? 0 }, "PATCH");
+  }
+
   #update() {
     const orders = this.#marked();
+    this.priority.hidden = this.prioritise.hidden = !this.#waiting().length;
     const open = orders.filter(({ final }) => !final).length;
     this.bar.hidden = !this.table.marked.size;
     this.withdraw.disabled = !open;

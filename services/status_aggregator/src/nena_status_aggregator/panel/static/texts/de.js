@@ -65,6 +65,8 @@ export const TEXTS = {
   "several.sure.withdraw.one": "1 Auftrag sofort zurückziehen",
   "several.sure.withdraw.other": "{count} Aufträge sofort zurückziehen",
   "several.done.repeat": "{count} von {of} Aufträgen wiederholt",
+  "several.priority": "Priorität setzen",
+  "several.done.priority": "Priorität von {count} von {of} Aufträgen gesetzt",
   "several.done.withdraw": "{count} von {of} Aufträgen zurückgezogen",
   "several.park": "Parken …",
   "several.nothing": "Für diese Roboter ist nichts zu tun.",

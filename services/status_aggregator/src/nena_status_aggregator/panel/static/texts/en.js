@@ -65,6 +65,8 @@ export const TEXTS = {
   "several.sure.withdraw.one": "Withdraw 1 order at once",
   "several.sure.withdraw.other": "Withdraw {count} orders at once",
   "several.done.repeat": "{count} of {of} orders repeated",
+  "several.priority": "Set priority",
+  "several.done.priority": "Priority of {count} of {of} orders set",
   "several.done.withdraw": "{count} of {of} orders withdrawn",
   "several.park": "Send to park …",
   "several.nothing": "Nothing to do for these robots.",

@@ -65,6 +65,8 @@ export const TEXTS = {
   "several.sure.withdraw.one": "1 order meteen intrekken",
   "several.sure.withdraw.other": "{count} orders meteen intrekken",
   "several.done.repeat": "{count} van {of} orders herhaald",
+  "several.priority": "Prioriteit instellen",
+  "several.done.priority": "Prioriteit van {count} van {of} orders ingesteld",
   "several.done.withdraw": "{count} van {of} orders ingetrokken",
   "several.park": "Parkeren …",
   "several.nothing": "Voor deze robots is er niets te doen.",
