@@ -32,12 +32,16 @@ class Shown:
         self._sent = 0
         self._receive(FleetTopics(settings.topic_prefix).plant_model, PLANT.to_json().encode())
 
-    def position(self, **fields: Any) -> tuple[float, str]:
-        """Send a state; return heading and map."""
+    def send(self, position: dict[str, Any], **fields: Any) -> None:
+        """Send a state."""
         self._sent += 1
         state = json.loads(codec_for("2.1.0").encode(HonestRobot(key=ROBOT).state(float(self._sent))))
-        state |= {"headerId": self._sent, "agvPosition": state["agvPosition"] | fields}
-        self._receive(f"uagv/v2/{ROBOT}/state", json.dumps(state).encode())
+        state |= {"headerId": self._sent, "agvPosition": state["agvPosition"] | position}
+        self._receive(f"uagv/v2/{ROBOT}/state", json.dumps(state | fields).encode())
+
+    def position(self, **fields: Any) -> tuple[float, str]:
+        """Send a state; return heading and map."""
+        self.send(fields)
         robot = self.model.robots.get(ROBOT)
         assert robot
         assert robot.reported
@@ -56,4 +60,22 @@ def test_headings_beyond_a_full_turn_are_degrees_for_all_of_a_robots_messages() 
 
 def test_robot_without_a_map_is_on_the_plants_only_one() -> None:
     assert MAP
-    assert [Shown().position(mapId=name)[1] for name in ("", None, "other")] == [MAP, MAP, "other"]
+    assert [Shown().position(mapId=name)[1] for name in ("", None, MAP.upper(), "other")] == [
+        MAP,
+        MAP,
+        MAP,
+        "other",
+    ]
+
+
+def test_header_of_another_robot_and_names_in_other_letters_are_shown() -> None:
+    shown, place = Shown(), PLANT.points[0].name
+    shown.send({}, serialNumber="another", lastNodeId=place.upper())
+    (robot,) = shown.model.robots
+    assert robot.key == ROBOT
+    assert robot.state
+    assert robot.state.last_node_id == place != place.upper()
+    assert list(map(str, robot.deviations)) == [
+        'state.serialNumber "another": replaced',
+        f'state.lastNodeId "{place.upper()}": letter case',
+    ]

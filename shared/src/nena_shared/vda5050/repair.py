@@ -709,7 +709,8 @@ def _within_limits(number: float, shape: Shape, at: str, scope: Scope) -> tuple[
         _UnrepairableError: the intended value is unclear.
 
     """
-    if shape.most == ANGLE_LIMIT and scope is Scope.COMMAND and abs(number) > FULL_TURN:
+    any_heading = shape.least == 0 and number >= FULL_TURN_DEGREES / 2  # in either unit
+    if shape.most == ANGLE_LIMIT and scope is Scope.COMMAND and abs(number) > FULL_TURN and not any_heading:
         raise _UnrepairableError  # may be degrees
     if shape.most == ANGLE_LIMIT and shape.least == 0:  # an allowed deviation; 2.x permits negative ones
         return min(max(number, 0.0), pi), RepairKind.CLAMPED

@@ -125,6 +125,10 @@ CERTAIN: dict[str, tuple[dict[str, Any], list[str]]] = {
             'edges.rotationAllowed "False": text as boolean',
         ],
     ),
+    "any heading is allowed, in degrees": (
+        {"nodes.1.nodePosition.theta": 1.0, "nodes.1.nodePosition.allowedDeviationTheta": 360},
+        ["nodes.nodePosition.allowedDeviationTheta 360: clamped"],
+    ),
     "words in small letters": (
         {"edges.0.orientation": 0.0, "edges.0.orientationType": "tangential"},
         ['edges.orientationType "tangential": letter case'],
