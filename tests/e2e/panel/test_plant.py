@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+import re
+import subprocess
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -19,6 +22,7 @@ from nena_shared.plant import PlantModel
 from nena_shared.vda5050.topics import RobotKey
 from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
+from support.drawn_maps import warehouse, write_map
 from support.order_service_fleet import Fleet, vehicle_idle
 from support.panel import Hall, becomes, findings, opened, picture
 from support.panel_texts import Texts
@@ -58,13 +62,26 @@ class Site:
 
 
 @asynccontextmanager
-async def site(broker: Broker, interface_name: str, folder: Path) -> AsyncIterator[Site]:
+async def site(
+    broker: Broker,
+    interface_name: str,
+    folder: Path,
+    *plant: object,
+    robots: tuple[tuple[float, float], ...] = (),
+) -> AsyncIterator[Site]:
+    """Run a robot on `South 1` of the sample plant; or `robots` on the map `site`, and a `plant` of it."""
     fleet, port, panel = Fleet(broker, interface_name, folder), free_port(), free_port()
     with fleet.stack:
-        fleet.agent()
-        service = fleet.order_service("--http.port", port)
+        if not robots:
+            fleet.agent()
+        for number, (x, y) in enumerate(robots, start=1):
+            serial = f"amr-{number}"
+            file = fleet.agent_file(serial, x=x, y=y, speed=40.0)
+            fleet.agent_of(file.replace("sample-hall", "site"), serial)
+        service = fleet.order_service("--http.port", port, *plant)
         async with await service.client() as orders:
-            await vehicle_idle(orders)
+            for name in [f"amr-{number}" for number in range(1, len(robots) + 1)] or ["Robot-01"]:
+                await vehicle_idle(orders, name)
             options = ("--interface_name", interface_name, "--topic_prefix", fleet.prefix)
             addresses = ("--http.port", str(panel), "--mqtt.port", str(broker.port))
             reached = ("--order_service.url", f"http://127.0.0.1:{port}")
@@ -141,8 +158,8 @@ async def test_a_plant_of_four_points_is_drawn_kept_activated_and_driven(  # noq
             await tool(page, "Two-way path")
             await drag(page, (3, 2), (7, 2))
             assert [each["name"] for each in (await drawn(page))["paths"]] == [
-                "South 1 --- P2",
-                "P2 --- South 1",
+                "South 1 --- P1",
+                "P1 --- South 1",
             ]
             # two more by keys, beside each other, moved and connected
             canvas = page.locator(CANVAS)
@@ -158,9 +175,9 @@ async def test_a_plant_of_four_points_is_drawn_kept_activated_and_driven(  # noq
             points = {each["name"]: (each["xMm"], each["yMm"]) for each in (await drawn(page))["points"]}
             assert points == {
                 "South 1": (3000, 2000),
-                "P2": (7000, 2000),
-                "P3": (8000, 5000),
-                "P4": (4000, 5000),
+                "P1": (7000, 2000),
+                "P2": (8000, 5000),
+                "P3": (4000, 5000),
             }
             assert len((await drawn(page))["paths"]) == 6
             await page.keyboard.press("Control+z")
@@ -172,7 +189,7 @@ async def test_a_plant_of_four_points_is_drawn_kept_activated_and_driven(  # noq
             await tool(page, "One-way path")
             await drag(page, (4, 7), (4, 5))
             [station] = (await drawn(page))["locations"]
-            assert (station["type"], station["links"]) == ("Station", [{"point": "P4"}])
+            assert (station["type"], station["links"]) == ("Station", [{"point": "P3"}])
             await tool(page, "Select")
             await page.mouse.click(*await at(page, 8, 5))
             await page.get_by_label("Parking position").check()
@@ -475,3 +492,54 @@ async def test_changes_keep_what_refers_to_an_object_and_are_undone(hall: Hall, 
     assert removed["locations"][0]["links"] == []
     assert [each["name"] for each in removed["paths"]] == ["Z --- M", "M --- B"]
     assert [each["name"] for each in removed["blocks"]] == ["K", "empty"]
+
+
+async def test_from_a_map_to_ten_orders_without_a_file_edited_by_hand(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    """Follow docs/from-a-map.md."""
+    drawn_map, plant = write_map(tmp_path, warehouse()), tmp_path / "hall.json"
+    robots = [part for number in (1, 2, 3) for part in ("--robot", f"NeNa/amr-{number}")]
+    size = ("--robot-width", "0.6", "--robot-length", "0.8")
+    command = [sys.executable, "-m", "nena_cli", "plant", "new", "--map", str(drawn_map), "-o", str(plant)]
+    done = await asyncio.to_thread(
+        subprocess.run, [*command, *size, *robots], capture_output=True, text=True, check=True
+    )
+    found = re.findall(r"^Parking \d+: x (\S+) m, y (\S+) m", done.stdout + done.stderr, re.MULTILINE)
+    starts = [(float(x), float(y)) for x, y in found]
+    async with site(broker, interface_name, tmp_path, "--plant", plant, robots=tuple(starts[:3])) as made:
+        async with drawing(browser, made, "stations", "active") as page:
+            model = await drawn(page)
+            taken = {each["name"] for each in model["points"] if each.get("type") == "PARK_POSITION"}
+            free = [each for each in model["points"] if each["name"] not in taken]
+            for stand in (free[0], free[-1]):
+                x, y = stand["xMm"] / 1000, stand["yMm"] / 1000
+                await tool(page, "Location")
+                await page.mouse.click(*await at(page, x, y + 1.0))
+                await tool(page, "One-way path")
+                [location] = (await drawn(page))["locations"][-1:]
+                place = (location["xMm"] / 1000, location["yMm"] / 1000)
+                await drag(page, place, (x, y))
+            stations = (await drawn(page))["locations"]
+            assert [each["links"] for each in stations] == [
+                [{"point": free[0]["name"]}],
+                [{"point": free[-1]["name"]}],
+            ]
+            await page.get_by_role("button", name="Activate …").click()
+            await page.get_by_role("button", name="Activate now").click()
+            await expect(page.get_by_text("is active, with")).to_be_visible()
+            await picture(page, "plant-from-a-map")
+        async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{made.port}") as orders:
+            for number in range(10):
+                ends = ((0, "Load cargo"), (1, "Unload cargo"))
+                stops = [{"locationName": stations[at_]["name"], "operation": what} for at_, what in ends]
+                order = {"name": f"order-{number}", "destinations": stops}
+                assert (await orders.post("/v1/transportOrders", json=order)).status_code == 201
+
+            async def ended() -> list[str]:
+                answer = (await orders.get("/v1/transportOrders?state=FINISHED")).json()
+                return [
+                    each["name"] for each in answer["transportOrders"] if each["name"].startswith("order-")
+                ]
+
+            await awaited(ended, lambda names: len(names) == 10, what="ten finished orders")

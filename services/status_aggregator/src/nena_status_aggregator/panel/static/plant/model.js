@@ -59,7 +59,7 @@ export function find(model, name) {
 /** Return the first free name that begins with a prefix, such as `P12`. */
 export function freshName(model, prefix) {
   const taken = new Set(["points", "paths", "locations", "locationTypes", "blocks", "vehicles"].flatMap((list) => (model[list] ?? []).map((each) => each.name)));
-  for (let number = (model.points ?? []).length + 1; ; number += 1) if (!taken.has(prefix + number)) return prefix + number;
+  for (let number = 1; ; number += 1) if (!taken.has(prefix + number)) return prefix + number;
 }
 
 /** Add an object to a list. */
