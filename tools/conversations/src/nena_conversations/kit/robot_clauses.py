@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import hypot
-from typing import Final
+from typing import Any, Final
 
 from nena_conversations.kit.clause import ClauseFailedError, Clauses, NotApplicableError, Strength, require
-from nena_conversations.kit.session import RobotSession, new_id
-from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
+from nena_conversations.kit.robot_content import FACTSHEETS, REFUSED, STATES, Edit, Wrong
+from nena_conversations.kit.session import NO_HEADER, Errors, RobotSession, new_errors, new_id
+from nena_shared.vda5050.action import Action, ActionStatus, BlockingType, InstantActions
 from nena_shared.vda5050.connection import ConnectionState
-from nena_shared.vda5050.factsheet import ActionScope
+from nena_shared.vda5050.error import ErrorLevel
+from nena_shared.vda5050.factsheet import ActionScope, Factsheet
 from nena_shared.vda5050.order import Node
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import Topic
@@ -23,9 +24,6 @@ ARRIVED: Final = 0.5
 """Distance from a node at which a robot without another limit has arrived, m."""
 REQUIRED: Final = ("startPause", "stopPause", "stateRequest", "factsheetRequest", "cancelOrder")
 """Instant actions that each robot has."""
-FAR: Final = 10_000.0
-"""Distance to a place that is no part of any plan, m."""
-
 ROBOT_CLAUSES: Final[Clauses[RobotSession]] = Clauses()
 _clause = ROBOT_CLAUSES.add
 
@@ -33,7 +31,7 @@ _clause = ROBOT_CLAUSES.add
 @_clause("connection/retained", "The broker holds an ONLINE message of the robot", ("6.14", "6.5"))
 async def _connection_is_retained(robot: RobotSession) -> None:
     await robot.until(lambda: robot.heard.connection, "a connection message")
-    require(robot.heard.connection_retained, "the connection message is not retained")
+    require(Topic.CONNECTION in robot.heard.retained, "the connection message is not retained")
     found = robot.heard.connection and robot.heard.connection.connection_state
     require(found is ConnectionState.ONLINE, f"the connection state is {found}, not ONLINE")
 
@@ -72,13 +70,32 @@ async def _factsheet_lists_required_actions(robot: RobotSession) -> None:
     require(not other, f"the factsheet lists {', '.join(other)}, but not as instant actions")
 
 
-@_clause("factsheet/speeds", "Speeds and sizes of the factsheet are those of a robot", ("6.15", "7.10"))
-async def _factsheet_has_sizes(robot: RobotSession) -> None:
-    factsheet = await robot.factsheet()
-    body = factsheet.physical_parameters
-    require(body.maximum_speed > 0, f"the maximum speed is {body.maximum_speed} m/s")
-    require(body.minimum_speed <= body.maximum_speed, "the minimum speed is above the maximum speed")
-    require(body.length > 0 and body.width > 0, f"the robot is {body.length} m by {body.width} m")
+def _register_state(id_: str, title: str, sections: tuple[str | None, str], wrong: Wrong[State]) -> None:
+    @_clause(f"state/{id_}", title, sections)
+    async def state_is_right(robot: RobotSession) -> None:
+        found = wrong(await robot.state(lambda _: True, "a state"))
+        require(not found, f"in the state, {found}")
+
+
+def _register_factsheet(
+    id_: str, title: str, sections: tuple[str | None, str], wrong: Wrong[Factsheet]
+) -> None:
+    @_clause(f"factsheet/{id_}", title, sections)
+    async def factsheet_is_right(robot: RobotSession) -> None:
+        found = wrong(await robot.factsheet())
+        require(not found, f"in the factsheet, {found}")
+
+
+for each_state in STATES:
+    _register_state(*each_state)
+for each_factsheet in FACTSHEETS:
+    _register_factsheet(*each_factsheet)
+
+
+@_clause("factsheet/retained", "The broker holds the factsheet", ("6.15", "7.10"), Strength.SHOULD)
+async def _factsheet_is_retained(robot: RobotSession) -> None:
+    await robot.factsheet()
+    require(Topic.FACTSHEET in robot.heard.retained, "the factsheet was not retained when the test began")
 
 
 @_clause("stateRequest", "stateRequest is answered with a state", ("6.8.1", "6.2.3"))
@@ -96,7 +113,7 @@ async def _unknown_instant_action_fails(robot: RobotSession) -> None:
     require(
         found.action_status is ActionStatus.FAILED, f"an unknown action ended {found.action_status.value}"
     )
-    await robot.state(lambda state: len(state.errors) > errors, "an error about the unknown action")
+    await robot.state(lambda state: new_errors(state, errors), "an error about the unknown action")
 
 
 @_clause("cancelOrder/idle", "cancelOrder without an order fails", ("6.6.3", "6.1.3"))
@@ -130,90 +147,38 @@ async def _broken_json_is_survived(robot: RobotSession) -> None:
     require(robot.heard.state and robot.heard.state.order_id == before.order_id, "a broken order was taken")
 
 
-def _refused(
-    id_: str,
-    title: str,
-    sections: tuple[str | None, str],
-    content: Callable[[RobotSession, str], dict[str, object]],
-) -> None:
+def _register_refused(id_: str, title: str, sections: tuple[str | None, str], edit: Edit) -> None:
     """Register a clause on an order that the robot refuses."""
 
     @_clause(f"order/{id_}", title, sections)
     async def order_is_refused(robot: RobotSession) -> None:
         await robot.state(lambda state: state.mobile_robot_position, "a position")
         order_id, errors = new_id(), robot.errors
-        robot.send_json(Topic.ORDER, {"orderId": order_id, "orderUpdateId": 0, **content(robot, order_id)})
+        order = {"orderId": order_id, "orderUpdateId": 0, **_two_nodes(robot)}
+        edit(order)
+        robot.send_json(Topic.ORDER, order)
         await robot.refused(order_id, errors, f"an order with {title[0].lower()}{title[1:]}")
 
 
-def _wire_node(robot: RobotSession, name: str, sequence: int, **fields: object) -> dict[str, object]:
+def _two_nodes(robot: RobotSession) -> dict[str, Any]:
+    """Return nodes and an edge where the robot stands, as they are sent."""
     x, y = robot.stand
-    position = {"x": x, "y": y, "mapId": robot.map_id}
-    made = {"nodeId": name, "sequenceId": sequence, "released": True, "nodePosition": position}
-    return {**made, "actions": [], **fields}
+    nodes = [
+        {
+            "nodeId": name,
+            "sequenceId": sequence,
+            "released": True,
+            "nodePosition": {"x": x, "y": y, "mapId": robot.map_id},
+            "actions": [],
+        }
+        for name, sequence in (("here", 0), ("there", 2))
+    ]
+    edge = {"edgeId": "here-there", "sequenceId": 1, "released": True, "actions": []}
+    return {"nodes": nodes, "edges": [{**edge, "startNodeId": "here", "endNodeId": "there"}]}
 
 
-def _wire_edge(start: str, end: str, sequence: int) -> dict[str, object]:
-    ends = {"startNodeId": start, "endNodeId": end}
-    return {"edgeId": f"{start}-{end}", "sequenceId": sequence, "released": True, "actions": [], **ends}
-
-
-def _far(robot: RobotSession, x: float) -> dict[str, object]:
-    return {"x": x, "y": x, "mapId": robot.map_id}
-
-
-_refused(
-    "noNodes",
-    "An order without nodes",
-    ("6.6.1", "6.1.1"),
-    lambda _robot, _id: {"nodes": [], "edges": []},
-)
-_refused(
-    "missingEdge",
-    "Two nodes without an edge",
-    ("6.6.1", "6.1.1"),
-    lambda robot, _id: {"nodes": [_wire_node(robot, "here", 0), _wire_node(robot, "there", 2)], "edges": []},
-)
-_refused(
-    "sequence",
-    "Sequence IDs that do not alternate",
-    ("6.6.1", "6.1.1"),
-    lambda robot, _id: {
-        "nodes": [_wire_node(robot, "here", 0), _wire_node(robot, "there", 1)],
-        "edges": [_wire_edge("here", "there", 2)],
-    },
-)
-_refused(
-    "startFar",
-    "A first node that is out of reach",
-    ("6.6.4.1", "6.1.4.2"),
-    lambda robot, _id: {"nodes": [_wire_node(robot, "here", 0, nodePosition=_far(robot, FAR))], "edges": []},
-)
-_refused(
-    "unknownMap",
-    "A map that the robot does not have",
-    ("6.6.4.1", "6.1.4.2"),
-    lambda robot, _id: {
-        "nodes": [_wire_node(robot, "here", 0, nodePosition={**_far(robot, 0), "mapId": "no-such-map-7f3a"})],
-        "edges": [],
-    },
-)
-_refused(
-    "unknownAction",
-    "An action that the robot does not have",
-    ("6.6.4.1", "6.1.4.2"),
-    lambda robot, order: {
-        "nodes": [
-            _wire_node(
-                robot,
-                "here",
-                0,
-                actions=[{"actionType": "danceAtNode", "actionId": f"{order}-a", "blockingType": "HARD"}],
-            )
-        ],
-        "edges": [],
-    },
-)
+for each in REFUSED:
+    _register_refused(*each)
 
 
 @_clause("order/accept", "An order at the robot's place is accepted and done", ("6.6.4.1", "6.1.4.1"))
@@ -274,8 +239,182 @@ async def _outdated_update_is_refused(robot: RobotSession) -> None:
     await robot.accepted(robot.order(order_id, 2, [robot.here()]))
     errors = robot.errors
     robot.send(Topic.ORDER, robot.order(order_id, 1, [robot.here()]))
-    state = await robot.state(lambda state: len(state.errors) > errors, "an error about an outdated update")
+    state = await robot.state(lambda state: new_errors(state, errors), "an error about an outdated update")
     require(state.order_update_id == 2, f"the robot went back to update {state.order_update_id}")  # noqa: PLR2004
+
+
+@_clause("errors/references", "The error about an order names it", ("6.10.5", "6.6.5.4"), Strength.SHOULD)
+async def _error_names_the_order(robot: RobotSession) -> None:
+    order_id, found = await _refusal(robot)
+    named = {each.reference_value for error in found for each in error.error_references}
+    require(order_id in named, f"no error has the orderId {order_id!r} in its references")
+
+
+@_clause("errors/level", "A refused order is no reason to stop", ("6.10.5", "6.6.5.1"))
+async def _refusal_is_a_warning(robot: RobotSession) -> None:
+    _, found = await _refusal(robot)
+    levels = {each.error_level for each in found}
+    require(ErrorLevel.FATAL not in levels, f"a refused order is reported as {ErrorLevel.FATAL}")
+
+
+@_clause("errors/cleared", "An accepted order ends the error about a refused one", ("6.6.4", "6.6.5.4"))
+async def _acceptance_clears_refusals(robot: RobotSession) -> None:
+    _, found = await _refusal(robot)
+    order = robot.order(new_id(), 0, [robot.here()])
+    await robot.accepted(order)
+    await robot.state(lambda state: not set(found) & set(state.errors), "a state without that error")
+
+
+async def _refusal(robot: RobotSession) -> tuple[str, Errors]:
+    """Send an order with an unknown action; return its ID and the errors about it."""
+    await robot.state(lambda state: state.mobile_robot_position, "a position")
+    order_id, before = new_id(), robot.errors
+    unknown = Action(action_type="danceAtNode", action_id=f"{order_id}-a", blocking_type=BlockingType.HARD)
+    robot.send(Topic.ORDER, robot.order(order_id, 0, [robot.here(actions=(unknown,))]))
+    state = await robot.refused(order_id, before, "an order with an unknown action")
+    return order_id, new_errors(state, before)
+
+
+@_clause("instantAction/repeated", "An instant action that comes again is not done again", ("6.9", "7.4"))
+async def _repeated_action_is_ignored(robot: RobotSession) -> None:
+    action_id = await _sent_again(robot, "startPause")
+    await robot.instant("stopPause")
+    robot.send(Topic.INSTANT_ACTIONS, _actions(("startPause", action_id)))
+    await robot.instant("stateRequest")
+    state = await robot.state(lambda _: True, "a state")
+    require(not state.paused, "a startPause that was done before has paused the robot")
+
+
+async def _sent_again(robot: RobotSession, action_type: str) -> str:
+    action_id = new_id()
+    robot.send(Topic.INSTANT_ACTIONS, _actions((action_type, action_id)))
+    await robot.until(lambda: _has_ended(robot, action_id), f"the end of {action_type}")
+    return action_id
+
+
+def _actions(*pairs: tuple[str, str]) -> InstantActions:
+    """Return instant actions by type and ID."""
+    actions = (
+        Action(action_type=kind, action_id=id_, blocking_type=BlockingType.NONE) for kind, id_ in pairs
+    )
+    return InstantActions(**NO_HEADER, actions=tuple(actions))
+
+
+def _has_ended(robot: RobotSession, action_id: str) -> bool:
+    state = robot.instant_state(action_id)
+    return state is not None and state.action_status.ended
+
+
+@_clause("instantAction/two", "Several instant actions in one message are all done", ("6.9", "7.4"))
+async def _two_actions_are_done(robot: RobotSession) -> None:
+    ids = (new_id(), new_id())
+    robot.send(Topic.INSTANT_ACTIONS, _actions(*(("stateRequest", each) for each in ids)))
+    await robot.until(lambda: all(_has_ended(robot, each) for each in ids), "the end of both stateRequests")
+
+
+@_clause("instantAction/json", "Instant actions that are no JSON change nothing", ("6.9", "7.4"))
+async def _broken_actions_are_survived(robot: RobotSession) -> None:
+    robot.send_bytes(Topic.INSTANT_ACTIONS, b'{"headerId": 1, ')
+    await robot.instant("stateRequest")
+
+
+@_clause("instantAction/kept", "Instant actions stay in the state until they are cleared", (None, "6.6.9"))
+async def _instant_actions_stay(robot: RobotSession) -> None:
+    action_id = await _sent_again(robot, "stateRequest")
+    await robot.accepted(robot.order(new_id(), 0, [robot.here()]))
+    require(_has_ended(robot, action_id), "the state of an instant action is gone with the next order")
+
+
+@_clause("clearInstantActions", "clearInstantActions clears them", (None, "6.2.3"))
+async def _instant_actions_are_cleared(robot: RobotSession) -> None:
+    action_id = await _sent_again(robot, "stateRequest")
+    await robot.instant("clearInstantActions")
+    await robot.until(lambda: robot.instant_state(action_id) is None, "a state without the ended action")
+
+
+@_clause("cancelOrder/other", "cancelOrder of another order fails", (None, "6.1.3"), moves=True)
+async def _cancel_of_another_order_fails(robot: RobotSession) -> None:
+    order_id, _ = await _begin_drive(robot, released=2)
+    found = await robot.instant("cancelOrder", orderId="another-order")
+    require(found.action_status is ActionStatus.FAILED, f"it ended {found.action_status.value}")
+    state = await robot.done(order_id, robot.drive_within)
+    require(state.last_node_id == "place-1", "the order was cancelled")
+
+
+def _unknown(action_type: str, sections: tuple[str | None, str], **parameters: str) -> None:
+    """Register a clause on an action about something that the robot does not have."""
+
+    @_clause(f"{action_type}/unknown", f"{action_type} of something unknown fails", sections)
+    async def action_fails(robot: RobotSession) -> None:
+        actions = (await robot.factsheet()).protocol_features.mobile_robot_actions
+        if action_type not in {each.action_type for each in actions}:
+            message = f"the factsheet does not list {action_type}"
+            raise NotApplicableError(message)
+        found = await robot.instant(action_type, **parameters)
+        require(found.action_status is ActionStatus.FAILED, f"it ended {found.action_status.value}")
+
+
+_unknown("enableMap", ("6.7", "6.2.3"), mapId="no-such-map", mapVersion="1")
+_unknown("deleteMap", ("6.7", "6.2.3"), mapId="no-such-map", mapVersion="1")
+_unknown("enableZoneSet", (None, "6.2.3"), zoneSetId="no-such-zone-set")
+_unknown("deleteZoneSet", (None, "6.2.3"), zoneSetId="no-such-zone-set")
+
+
+@_clause("update/same", "The same orderUpdateId with another content is refused", (None, "6.1.4.5"))
+async def _changed_repetition_is_refused(robot: RobotSession) -> None:
+    order = robot.order(new_id(), 0, [robot.here()])
+    await robot.accepted(order)
+    before = robot.errors
+    (node,) = order.nodes
+    changed = order.model_copy(update={"nodes": (node.model_copy(update={"node_descriptor": "changed"}),)})
+    robot.send(Topic.ORDER, changed)
+    await robot.state(lambda state: new_errors(state, before), "an error about the changed order")
+
+
+@_clause("update/afterCancel", "An update of a cancelled order is refused", ("6.6.3", "6.1.3.1"), moves=True)
+async def _update_after_cancel_is_refused(robot: RobotSession) -> None:
+    robot.require_plan(3)
+    order_id, nodes = await _begin_drive(robot, released=2, places=3)
+    await robot.state(lambda state: state.driving, "driving true", robot.drive_within)
+    await robot.instant("cancelOrder")
+    before = robot.errors
+    tail = [nodes[1], nodes[2].model_copy(update={"released": True})]
+    robot.send(Topic.ORDER, robot.order(order_id, 1, tail, first_sequence=2))
+    state = await robot.state(lambda state: new_errors(state, before), "an error about the update")
+    require(not state.driving and not state.node_states, "the robot has taken up a cancelled order again")
+
+
+@_clause(
+    "update/stitchChanged", "An update that changes the last node is refused", (None, "6.1.2"), moves=True
+)
+async def _changed_stitch_is_refused(robot: RobotSession) -> None:
+    robot.require_plan(3)
+    order_id, nodes = await _begin_drive(robot, released=2, places=3)
+    before = robot.errors
+    tail = [nodes[1].model_copy(update={"node_descriptor": "changed"}), nodes[2]]
+    robot.send(Topic.ORDER, robot.order(order_id, 1, tail, first_sequence=2))
+    await robot.state(lambda state: new_errors(state, before), "an error about the update")
+
+
+@_clause("update/horizon", "An update may take the horizon away", ("6.6.2", "6.1.2"), moves=True)
+async def _horizon_is_taken_away(robot: RobotSession) -> None:
+    robot.require_plan(3)
+    order_id, nodes = await _begin_drive(robot, released=2, places=3)
+    await robot.accepted(robot.order(order_id, 1, [nodes[1]], first_sequence=2))
+    state = await robot.done(order_id, robot.drive_within)
+    require(state.last_node_id == "place-1", f"lastNodeId is {state.last_node_id!r}, not the last node")
+
+
+@_clause(
+    "order/states", "An accepted order has its nodes and edges in the state", ("6.10.6", "6.6.2"), moves=True
+)
+async def _accepted_order_is_shown(robot: RobotSession) -> None:
+    robot.require_plan(3)
+    order_id, _ = await _begin_drive(robot, released=2, places=3)
+    state = await robot.state(lambda state: state.order_id == order_id, "the order in the state")
+    shown = [(each.node_id, each.released) for each in state.node_states if each.sequence_id]
+    require(shown == [("place-1", True), ("place-2", False)], f"nodeStates are {shown}")
+    require(len(state.edge_states) == len(shown), f"there are {len(state.edge_states)} edgeStates")
 
 
 @_clause("drive", "A base is driven to its end, node by node", ("6.6.1", "6.1.1"), moves=True)
@@ -332,7 +471,7 @@ async def _wrong_stitch_is_refused(robot: RobotSession) -> None:
     errors = robot.errors
     far_on = nodes[2].model_copy(update={"released": True})
     robot.send(Topic.ORDER, robot.order(order_id, 1, [far_on], first_sequence=8))
-    state = await robot.state(lambda state: len(state.errors) > errors, "an error about the update")
+    state = await robot.state(lambda state: new_errors(state, errors), "an error about the update")
     require(state.order_update_id == 0, "the robot took an update that does not continue its base")
 
 

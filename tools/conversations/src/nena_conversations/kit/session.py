@@ -23,6 +23,7 @@ from nena_shared.vda5050.action import Action, ActionState, BlockingType, Instan
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.order import Edge, Node, NodePosition, Order
 from nena_shared.vda5050.state import MobileRobotPosition, State
@@ -47,7 +48,8 @@ class Heard:
 
     state: State | None = None
     connection: Connection | None = None
-    connection_retained: bool = False
+    retained: set[Topic] = field(default_factory=set)
+    """Topics of which the broker held a message."""
     factsheet: Factsheet | None = None
     counts: Counter[Topic] = field(default_factory=Counter)
 
@@ -150,12 +152,13 @@ class RobotSession(Listener):
             return
         heard = self.heard
         heard.counts[received.topic] += 1
+        if inbound.retained:
+            heard.retained.add(received.topic)
         match received.message:
             case State() as state:
                 heard.state = state
             case Connection() as connection:
                 heard.connection = connection
-                heard.connection_retained |= inbound.retained
             case Factsheet() as factsheet:
                 heard.factsheet = factsheet
         self.wake()
@@ -335,9 +338,9 @@ class RobotSession(Listener):
             f"order {order.order_id!r}, update {order.order_update_id} in the state",
         )
 
-    async def refused(self, order_id: str, errors_before: int, what: str) -> State:
+    async def refused(self, order_id: str, errors: Errors, what: str) -> State:
         """Wait for a new error, and check that the order was not taken; raises ClauseFailedError."""
-        state = await self.state(lambda state: len(state.errors) > errors_before, f"an error about {what}")
+        state = await self.state(lambda state: new_errors(state, errors), f"an error about {what}")
         if state.order_id == order_id:
             message = f"the robot took {what}; {self.describe()}"
             raise ClauseFailedError(message)
@@ -352,9 +355,9 @@ class RobotSession(Listener):
         )
 
     @property
-    def errors(self) -> int:
-        """Return the number of errors in the last state."""
-        return len(self.heard.state.errors) if self.heard.state else 0
+    def errors(self) -> Errors:
+        """Return the errors of the last state."""
+        return self.heard.state.errors if self.heard.state else ()
 
     async def clear(self) -> None:
         """Cancel what is left of an order, so that the next clause begins with a robot that stands."""
@@ -366,6 +369,14 @@ class RobotSession(Listener):
         if state.node_states or state.driving:
             await self.instant("cancelOrder")
             await self.state(lambda now: not now.driving and not now.node_states, "a robot that stands")
+
+
+Errors = tuple[ErrorEntry, ...]
+
+
+def new_errors(state: State, before: Errors) -> Errors:
+    """Return the errors of a state that were not there before."""
+    return tuple(each for each in state.errors if each not in before)
 
 
 NO_HEADER: Final[dict[str, Any]] = {
