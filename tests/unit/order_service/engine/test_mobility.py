@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import pytest
+
 from nena_order_service.engine.driving import RELOCATION_PAUSE, Mobility
 from nena_order_service.engine.engine import Engine
 from nena_order_service.orders.drive import Drive
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import assigned_order, request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine, reason_of
 
 PLANT = PlantModel(
     name="row",
@@ -61,3 +65,37 @@ async def test_the_reason_why_a_vehicle_stays_is_reported() -> None:
     assert mobility.why_it_stays(vehicle) is None
     fleet.out_of_order.add("V1")
     assert str(mobility.why_it_stays(vehicle)).startswith("the robot is ")
+
+
+def press_emergency_stop(fleet: ScriptedFleet) -> None:
+    fleet.fields["V1"] = {"safety_state": {"active_emergency_stop": "MANUAL", "field_violation": False}}
+
+
+def lose_track(fleet: ScriptedFleet) -> None:
+    fleet.unreadable.add("V1")
+
+
+@pytest.mark.parametrize("stop", [press_emergency_stop, lose_track])
+async def test_no_robot_drives_up_to_a_stopped_one(stop: Callable[[ScriptedFleet], None]) -> None:
+    plant = PlantModel(
+        name="one way",
+        points=tuple(point(name, 2000 * index) for index, name in enumerate("ABCDE")),
+        paths=tuple(map(path, ("A B", "B C", "C D", "D E"))),
+        vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
+    )
+    fleet = ScriptedFleet({})
+    engine = await make_engine(plant, MemoryStore(), fleet, release_ahead=1)
+    fleet.appear("V1", "C")
+    fleet.appear("V2", "A")
+    engine.create(request("E", intendedVehicle="V1"), "T1")
+    stop(fleet)
+    engine.run_checks()
+
+    engine.create(request("D", intendedVehicle="V2"), "T2")
+
+    assert [name for name, _ in fleet.sent] == ["V1"]
+    assert "V1" in reason_of(engine, "V2")
+    fleet.fields.clear()
+    fleet.unreadable.clear()
+    engine.run_checks()
+    assert [name for name, _ in fleet.sent] == ["V1", "V2"]

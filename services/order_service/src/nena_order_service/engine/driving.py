@@ -11,6 +11,7 @@ from nena_order_service.engine.context import Context
 from nena_order_service.engine.peripherals import Peripherals
 from nena_order_service.engine.positions import Positions
 from nena_order_service.engine.stops import CLOSED, Stops
+from nena_order_service.fleet.availability import why_not_driving
 from nena_order_service.fleet.failures import FailureKind, RobotBusyError
 from nena_order_service.fleet.instant_actions import STATE_REQUEST, without_parameters
 from nena_order_service.fleet.outputs import FleetOutput, VdaOrderFailed
@@ -217,6 +218,13 @@ class Mobility:
         has_order = self._context.state.drives.order_number(vehicle.key) is not None
         return not has_order and not self.can_move(name)
 
+    def is_stopped(self, drive: Drive) -> bool:
+        """Return whether a robot cannot drive on before somebody helps it, or before it is back."""
+        view = self._context.view(self._context.registry.discover(drive.robot))
+        return view.link is not LinkStatus.ONLINE or (
+            view.state is not None and why_not_driving(view.state) is not None
+        )
+
     def why_misplaced(self, vehicle: FleetVehicle) -> Reason | None:
         """Return why a vehicle cannot be where it says; None if it can."""
         try:
@@ -373,6 +381,12 @@ class Driving:
         vehicle = self._vehicle_under_way(drive)
         route = self._traffic.route_of(vehicle.name) if vehicle else None
         return drive.ahead(route.reached) if route else ()
+
+    def note_stopped(self) -> None:
+        """Tell traffic control which robots under way are stopped: others must not queue behind them."""
+        stopped = filter(self.mobility.is_stopped, self._drives.sent.values())
+        names = [self._registry.discover(drive.robot).name for drive in stopped]
+        self._state.drive_due |= self._traffic.note_stopped(names)
 
     def finish_drive(self, drive: Drive) -> None:
         """End a finished VDA order: its robot is at rest at the end of the route."""

@@ -231,6 +231,7 @@ class Engine:
             for vehicle in vehicles:
                 self._positions.update_held(vehicle)
                 self.stops.pause_or_resume(vehicle)
+            self._driving.note_stopped()
         # Each in its own unit: a new route changes what the next vehicle waits for.
         for name in self._rerouting.next_waiting():
             with self.change():

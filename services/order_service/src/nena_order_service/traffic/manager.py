@@ -17,6 +17,8 @@ claims what and when; they guarantee that every request is eventually granted:
 6. **Detours.** A route avoids points and paths with much traffic, and leads around vehicles at rest if that
    is not much longer. A vehicle that waits in traffic gets another route if that is cheaper, unless it
    has the right of way: then others are relocated from its present one.
+7. **Containment.** Vehicles that wait behind a stopped one are *stuck* with it. Until it drives on, no other
+   one begins or continues a route through them, except a detour, and they claim nothing.
 
 A *way* is a route as resource sets in driving order: what the vehicle needs to reach each point.
 """
@@ -181,6 +183,8 @@ class TrafficManager:
         """Vehicles under way that need nothing until one of the named vehicles changes."""
         self._right_of_way: _RightOfWay | None = None
         """The right of way in the last decision."""
+        self._stopped = self._stuck = frozenset[str]()
+        """Vehicles under way that cannot drive on by themselves; and those with the ones behind them."""
         self._let_out: dict[str, _LetOut] = {}
         """By vehicle that was relocated: the one that it enclosed."""
         self._broken_off: dict[str, tuple[ResourceSet, ...]] = {}
@@ -237,7 +241,7 @@ class TrafficManager:
         return {
             name: route.reached
             for name, route in self.routes_to_extend()
-            if route.refusal and not self.scheduler.occupant(name).ahead
+            if (route.refusal or name in self._stuck) and not self.scheduler.occupant(name).ahead
         }
 
     def is_blocked(self, vehicle: str) -> bool:
@@ -305,7 +309,10 @@ class TrafficManager:
             start,
             goal,
         }
-        return self._search.find_detour(vehicle, start, occupied, avoid, resting)
+        stuck = {use for name in self._stuck - {vehicle} for held in self.held_by(name) for use in held.uses}
+        is_closed = any(not stuck.isdisjoint(resource_set.uses) for resource_set in present)
+        closed = resting | (stuck - {start, goal})
+        return self._search.find_detour(vehicle, start, occupied, avoid, closed, is_closed=is_closed)
 
     # Vehicles without a route: what they occupy
 
@@ -437,6 +444,7 @@ class TrafficManager:
                 for it takes any detour, and never gets the right of way: others would wait forever.
 
         """
+        self._find_stuck()
         extending = [name for name, _ in self.routes_to_extend()]
         yield from self._clear_ways(extending, movable)
         self._right_of_way = right_of_way = None
@@ -462,8 +470,8 @@ class TrafficManager:
                 continue
             refusal = self._refusals[vehicle] = self._with_distance(refused.refusal, self.refusal_of(vehicle))
             blocked_at_rest = refusal.reason is WaitReason.RESTING
-            # Nobody knows when a lost vehicle moves on: a right of way for its sake would block all others.
-            if blocked_at_rest and any(map(lost, refusal.vehicles)):
+            # Nobody knows when such a vehicle moves on: a right of way for its sake would block all others.
+            if self._is_long_wait(refusal, lost):
                 continue
             if under_way and not self.scheduler.occupant(vehicle).resting:
                 continue  # it still drives on the resources that it holds
@@ -475,6 +483,40 @@ class TrafficManager:
             if blocked_at_rest:
                 yield from self._make_room(vehicle, refused, right_of_way, movable)
         self._settle_routes(extending)
+
+    def note_stopped(self, vehicles: Iterable[str]) -> bool:
+        """Note which vehicles under way cannot drive on by themselves; return whether others may be stuck."""
+        stopped = self._routes.keys() & set(vehicles)
+        changed, self._stopped = stopped != self._stopped, frozenset(stopped)
+        for name in stopped:
+            self.scheduler.give_up_claim(name)  # others may go first now
+        return changed
+
+    def _find_stuck(self) -> None:
+        """Find the vehicles that wait behind stopped ones, directly or behind others, under way."""
+        stuck = set(self._stopped.intersection(self._routes))
+        waiting = {
+            name: refusal.vehicles
+            for name in (self._routes if stuck else ())
+            if (refusal := self.refusal_of(name)) and not self.scheduler.occupant(name).ahead
+        }
+        while behind := {name for name in waiting if not stuck.isdisjoint(waiting[name])} - stuck:
+            stuck |= behind
+            for name in behind:
+                self.scheduler.give_up_claim(name)
+        if stuck != self._stuck:
+            self._stuck = frozenset(stuck)
+            self._last_refusals.clear()
+            self._settled.clear()
+
+    def _find_stuck_on(self, vehicle: str, way: Sequence[ResourceSet]) -> Refusal | None:
+        """Return a refusal by the stuck vehicles that hold something on a way; None if there are none."""
+        found = {
+            name: resource
+            for name in sorted(self._stuck - {vehicle})
+            if (resource := find_conflict(way, self.held_by(name)))
+        }
+        return Refusal(WaitReason.HELD, tuple(found), next(iter(found.values()))) if found else None
 
     def _clear_ways(self, extending: list[str], movable: VehicleTest) -> Iterator[Relocation]:
         """Relocate vehicles that have stopped early on another one's claimed way.
@@ -490,6 +532,11 @@ class TrafficManager:
                 extending.append(relocation.vehicle)
                 self._start_route(relocation.vehicle, relocation.way)
                 yield relocation
+
+    def _is_long_wait(self, refusal: Refusal, lost: VehicleTest) -> bool:
+        """Return whether it is unknown when a vehicle for which another one waits drives on."""
+        at_rest = refusal.reason is WaitReason.RESTING
+        return any(name in self._stuck or (at_rest and lost(name)) for name in refusal.vehicles)
 
     def _with_distance(self, refusal: Refusal, last: Refusal | None) -> Refusal:
         """Return a refusal with the distance that the other vehicle would have to turn back.
@@ -565,9 +612,10 @@ class TrafficManager:
         causes = {vehicle}
         way = self._resources_along(route_request, route)
         refused = self._claim_first_section(vehicle, way, right_of_way, lost, causes)
-        if refused and route and refused.refusal.reason is WaitReason.RESTING:
-            # A detour is searched only around vehicles at rest: those that drive will soon be gone.
-            longest = inf if any(map(lost, refused.refusal.vehicles)) else route.cost * LONGEST_DETOUR
+        is_long = refused is not None and self._is_long_wait(refused.refusal, lost)
+        if refused and route and (is_long or refused.refusal.reason is WaitReason.RESTING):
+            # A detour is searched only around vehicles at rest or stuck: others will soon be gone.
+            longest = inf if is_long else route.cost * LONGEST_DETOUR
             if detour := self._find_detour(route_request, way, longest):
                 around = self._resources_along(route_request, detour)
                 if self._claim_first_section(vehicle, around, right_of_way, lost, causes) is None:
@@ -601,7 +649,8 @@ class TrafficManager:
         self, route_request: RouteRequest, way: list[ResourceSet], longest: float
     ) -> Route | None:
         """Return a route around vehicles that rest on a way; None if there is none up to cost ``longest``."""
-        resting = self.scheduler.resting_on(route_request.vehicle, way)
+        vehicle = route_request.vehicle
+        resting = {*self.scheduler.resting_on(vehicle, way), *self._stuck.difference((vehicle,))}
         occupied = {use for name in resting for held in self.held_by(name) for use in held.uses}
         try:
             detour = self._search.find_route(route_request, without=occupied - {route_request.goal})
@@ -623,6 +672,9 @@ class TrafficManager:
         the lost one and wait there. Do the same for a vehicle that has let another one out and could enclose
         it again.
         """
+        if refusal := self._find_stuck_on(vehicle, way):
+            causes.update(refusal.vehicles)
+            return _Refused(refusal, way)
         resting = self.scheduler.resting_on(vehicle, way)
         causes.update(resting)
         if self._has_let_out(vehicle, lost) or any(map(lost, resting)):
@@ -642,15 +694,17 @@ class TrafficManager:
         the right of way caused it: another vehicle may have it next time.
         """
         route, claimed = self._routes[vehicle], len(self.scheduler.occupant(vehicle).claimed)
-        if self._claims_enough(vehicle):
+        if vehicle in self._stopped or self._claims_enough(vehicle):
             self._refusals.pop(vehicle, None)
             return None
         self._forget_outdated()
+        ahead = route.way[route.allocated :]
         if last := self._last_refusals.get(vehicle):
             refused: _Refused | None = last.refused
+        elif refusal := self._find_stuck_on(vehicle, ahead):
+            refused = _Refused(refusal, [*ahead])
         else:
             causes = {vehicle}
-            ahead = route.way[route.allocated :]
             refused = self._claim_section(vehicle, ahead, right_of_way, causes, more_than=claimed)
             if refused and (not right_of_way or right_of_way.vehicle not in causes):
                 self._last_refusals[vehicle] = _LastRefusal(refused, frozenset(causes), right_of_way)

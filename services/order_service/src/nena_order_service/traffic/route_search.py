@@ -113,10 +113,13 @@ class RouteSearch:
         occupied: Iterable[Iterable[ResourceSet]],
         avoid: Collection[str],
         closed: Collection[str],
+        *,
+        is_closed: bool = False,
     ) -> Route | None:
         """Return another route from ``start`` for a vehicle under way; None if its current one is as good.
 
         ``occupied`` is what waiting vehicles hold; ``closed`` resources are avoided like those in ``avoid``.
+        ``is_closed``: the current route is none that the vehicle can drive.
         """
         current = self._allocated_routes[vehicle]
         ahead = current.way[current.allocated :]
@@ -134,7 +137,7 @@ class RouteSearch:
         present = self._routes.steps_along(
             vehicle, start, ((resource_set.point, resource_set.uses) for resource_set in ahead)
         )
-        if present is None:
+        if present is None or is_closed:
             return detour
         cost = burdened_cost(burden)
         return detour if sum(map(cost, detour.steps)) < WORTH_IT * sum(map(cost, present)) else None
