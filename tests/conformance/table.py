@@ -9,12 +9,38 @@ from typing import Final
 
 from conformance.catalogue import VERSIONS, Chapter, Clause, Standing, chapters
 from conformance.markers import TESTS, Shown, shown_by_tests
+from nena_conversations.kit.fleet_clauses import FLEET_CLAUSES
+from nena_conversations.kit.fleet_run import OF_ORDERS, OF_UPDATES
+from nena_conversations.kit.robot_clauses import ROBOT_CLAUSES
+from nena_conversations.kit.run import OF_THE_CONVERSATION
+from nena_conversations.message import SENDERS
+from nena_conversations.rules import MESSAGES
+from nena_shared.vda5050.topics import Topic
 from support.markdown import row
 
 DOCUMENT: Final = TESTS.parent / "docs" / "vda5050.md"
 _HERE: Final = Path(__file__).parent
 NAMED: Final = 4
 """Tests of one file that a row names; of more it tells the number."""
+
+
+def _of_the_kit() -> dict[str, list[str]]:
+    """Return the clauses that `nena vda5050 test` judges, by section of 3.0."""
+    found: dict[str, list[str]] = {}
+    for side, clauses in (("robot", ROBOT_CLAUSES), ("fleet", FLEET_CLAUSES)):
+        for clause in clauses:
+            found.setdefault(str(clause.sections.v3), []).append(f"{side} {clause.id}")
+    for side, rules in (("robot", OF_THE_CONVERSATION), ("fleet", OF_ORDERS | OF_UPDATES)):
+        for rule in rules:
+            section = str(rule.section(NEWEST, Topic.STATE))
+            found.setdefault(section, []).append(f"{side} conversation/{rule.code}")
+    for topic, sections in MESSAGES.items():
+        found.setdefault(str(sections.v3), []).append(f"{SENDERS[topic]} {topic}/message")
+    return found
+
+
+NEWEST: Final = "3.0.0"
+KIT: Final = _of_the_kit()
 
 Tests = Mapping[str, tuple[Shown, ...]]
 """By clause."""
@@ -71,7 +97,7 @@ def _summary(catalogue: Iterable[Chapter]) -> str:
 
 
 def _chapter(chapter: Chapter, tests: Tests) -> str:
-    head = ["Clause", "In 2.x", "Side", "Rule", *VERSIONS, "Shown by"]
+    head = ["Clause", "In 2.x", "Side", "Rule", *VERSIONS, "Shown by", "In the [test](conformance.md)"]
     rows = (
         _row(clause, tests.get(clause.id, ())) for clause in sorted(chapter.clause, key=lambda e: e.place)
     )
@@ -86,6 +112,9 @@ def _row(clause: Clause, shown: Iterable[Shown]) -> Iterator[str]:
     yield clause.title if clause.standing is Standing.DONE else f"{clause.title} (**{clause.standing}**)"
     yield from _texts(clause)
     yield "<br>".join(_tests(shown)) or "-"
+    # rows of one section share the clauses of the kit: it names sections, not rows
+    section = clause.id.partition("/")[0]
+    yield ", ".join(sorted(KIT.get(section, ()))) or "-"
 
 
 def _texts(clause: Clause) -> Iterator[str]:

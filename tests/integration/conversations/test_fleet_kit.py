@@ -504,7 +504,7 @@ async def test_the_order_service_passes_all_clauses_and_the_reports_say_so(
     fleet = Fleet(broker, f"kit{uuid4().hex[:6]}", tmp_path)
     script = tmp_path / "command.py"
     script.write_text(COMMAND)
-    reports = {kind: tmp_path / f"report.{kind}" for kind in ("json", "junit", "html", "recording")}
+    reports = {kind: tmp_path / f"report.{kind}" for kind in ("json", "junit", "html", "badge", "recording")}
     async with running(fleet.settings(fleet={"qos": 0})) as client:
         await listening(client)
         arguments = [
@@ -528,6 +528,9 @@ async def test_the_order_service_passes_all_clauses_and_the_reports_say_so(
     assert len(results) >= (30 + (len(clauses) or len(FLEET_CLAUSES))) * len(robots)
     suite = ElementTree.fromstring(reports["junit"].read_bytes())
     assert (suite.get("tests"), suite.get("failures")) == (str(len(results)), "0")
+    badge = ElementTree.fromstring(reports["badge"].read_bytes())
+    passed = sum(each["outcome"] == "passed" for each in results)
+    assert "".join(badge.itertext()) == f"VDA 5050 2.1.0, 3.0.0{passed} passed" or not clauses
     page = reports["html"].read_text(encoding="utf-8")
     assert "fleet control" in page
     assert "order/start" in page

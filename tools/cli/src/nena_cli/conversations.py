@@ -211,6 +211,7 @@ OwnInterface = Annotated[
 ]
 Html = Annotated[Path | None, typer.Option(help="Write the report as one HTML file.")]
 Junit = Annotated[Path | None, typer.Option(help="Write the report as JUnit XML.")]
+Badge = Annotated[Path | None, typer.Option(help="Write the result as an SVG image for a README.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the report as JSON.")]
 Recorded = Annotated[Path | None, typer.Option(help="Write all messages to this file.")]
 
@@ -239,6 +240,7 @@ def judge(
     password_file: Password = None,
     html: Html = None,
     junit: Junit = None,
+    badge: Badge = None,
     json_file: JsonFile = None,
     recording: Recorded = None,
 ) -> None:
@@ -271,7 +273,7 @@ def judge(
             )
         )
         about = {"robot": robot, "version": codec.version}
-        _write_reports(verdicts, entries, about, Reports(html, junit, json_file, recording))
+        _write_reports(verdicts, entries, about, Reports(html, junit, badge, json_file, recording))
 
 
 @tests.command("fleet")
@@ -315,6 +317,7 @@ def judge_fleet_control(
     password_file: Password = None,
     html: Html = None,
     junit: Junit = None,
+    badge: Badge = None,
     json_file: JsonFile = None,
     recording: Recorded = None,
 ) -> None:
@@ -350,7 +353,7 @@ def judge_fleet_control(
         )
         versions = ", ".join(dict.fromkeys(each.codec.version for each in setups))
         about = {"fleet control": url.rpartition("@")[2], "version": versions}
-        _write_reports(verdicts, entries, about, Reports(html, junit, json_file, recording))
+        _write_reports(verdicts, entries, about, Reports(html, junit, badge, json_file, recording))
 
 
 def _chosen(clauses: Sequence[Clause[T]], names: list[str] | None) -> list[Clause[T]]:
@@ -395,6 +398,7 @@ class Reports:
 
     html: Path | None
     junit: Path | None
+    badge: Path | None
     json: Path | None
     recording: Path | None
 
@@ -409,6 +413,8 @@ def _write_reports(
         files.html.write_text(report.as_html(verdicts, about), encoding="utf-8")
     if files.junit:
         files.junit.write_bytes(report.as_junit(verdicts, about))
+    if files.badge:
+        files.badge.write_text(report.as_badge(verdicts, about), encoding="utf-8")
     if files.json:
         files.json.write_bytes(report.as_json(verdicts, about))
     if files.recording:

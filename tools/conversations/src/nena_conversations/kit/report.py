@@ -1,4 +1,4 @@
-"""Reports of a test: terminal, JSON, JUnit XML, and one HTML file that works offline."""
+"""Reports of a test: terminal, JSON, JUnit XML, a badge, and one HTML file that works offline."""
 
 from __future__ import annotations
 
@@ -75,6 +75,25 @@ def as_html(verdicts: Sequence[Verdict], about: dict[str, str]) -> str:
         ".passed{color:#0a6b2d}.failed{color:#b00020;font-weight:600}pre{white-space:pre-wrap;font-size:12px}"
         f"</style><h1>VDA 5050 test of a {what}</h1><p>{facts}</p><p>{escape(summary(verdicts))}</p>"
         f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></html>"
+    )
+
+
+def as_badge(verdicts: Sequence[Verdict], about: dict[str, str]) -> str:
+    """Return an SVG image for a README: the version, and how many clauses passed."""
+    passed = sum(each.outcome is Outcome.PASSED for each in verdicts)
+    failed = len(violations(verdicts))
+    left, right = f"VDA 5050 {about['version']}", f"{failed} failed" if failed else f"{passed} passed"
+    widths = [7 * len(text) + 14 for text in (left, right)]
+    colour = "#b00020" if failed else "#0a6b2d"
+    texts = "".join(
+        f'<text x="{middle}" y="14">{escape(text)}</text>'
+        for text, middle in ((left, widths[0] / 2), (right, widths[0] + widths[1] / 2))
+    )
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{sum(widths)}" height="20" role="img">'
+        f'<rect width="{widths[0]}" height="20" fill="#444"/>'
+        f'<rect x="{widths[0]}" width="{widths[1]}" height="20" fill="{colour}"/>'
+        f'<g fill="#fff" font-family="sans-serif" font-size="11" text-anchor="middle">{texts}</g></svg>'
     )
 
 
