@@ -374,9 +374,8 @@ class Inbox:
                 others = [each for each in action.action_parameters if each.key != key]
                 others.append(ActionParameter(key=key, value=value))
                 action = action.model_copy(update={"action_parameters": tuple(others)})
-                repairs.append(
-                    Repair(at, RepairKind.REPLACED, f"{key} {quoted(sent) if sent else 'missing'}")
-                )
+                received = "missing" if sent is None else quoted(sent)
+                repairs.append(Repair(at, RepairKind.REPLACED, f"{key} {received}"))
         return action
 
     def _refuse_message(self, problem: str, topic: Topic, references: dict[str, str]) -> None:
