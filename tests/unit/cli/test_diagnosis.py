@@ -160,7 +160,7 @@ LOCKED = {"code": "but", "causes": [{"code": "travels"}, {"code": "path_locked",
             "reason of V-1",
             "charging station",
         ),
-        ({"coded_reason": LOCKED}, "EXECUTING", "reason of V-1", "Unlock the path"),
+        ({"coded_reason": LOCKED}, "EXECUTING", "reason of V-1", "Unlock it"),
     ],
 )
 def test_what_holds_a_robot_is_the_root_for_all_who_wait_behind_it(
@@ -247,7 +247,7 @@ def test_status_lists_what_needs_a_person_and_what_it_holds_up(answers: dict[str
             "path locked",
             "A --- B",
             "it smokes (acknowledged by Anna)",
-            "Unlock the path in the control panel when it is free.",
+            "Unlock it when it is free, in the control panel or by nena paths unlock.",
         ),
     ]
 
@@ -287,3 +287,10 @@ def test_status_is_1_if_the_list_says_that_the_order_service_is_down(answers: di
     answers |= {"/readyz": httpx.ConnectError("refused"), "/v1/summary": httpx.ConnectError("refused")}
     done = run_status(answers, matter(MatterKind.ORDER_SERVICE_DOWN))
     assert (done.exit_code, "vehicles" in done.stdout) == (1, False), done.output
+
+
+def test_status_waits_once_and_briefly_for_an_order_service_that_hangs(answers: dict[str, Any]) -> None:
+    answers |= {"/readyz": httpx.ReadTimeout("timed out")}
+    answers["/v1/summary"] = AssertionError("asked although it hangs")
+    done = run_status(answers, matter(MatterKind.ORDER_SERVICE_DOWN))
+    assert (done.exit_code, "not reachable: timed out" in done.stdout) == (1, True), done.output

@@ -77,7 +77,7 @@ _ADVICE: Final[dict[MatterKind, str]] = {
     MatterKind.NOT_AUTOMATIC: "Switch the robot to AUTOMATIC.",
     MatterKind.ROBOT_PAUSED: "Resume the robot when it may drive.",
     MatterKind.BATTERY_LOW: "Take it to a charging station.",
-    MatterKind.PATH_LOCKED: "Unlock the path in the control panel when it is free.",
+    MatterKind.PATH_LOCKED: "Unlock it when it is free, in the control panel or by nena paths unlock.",
     MatterKind.ORDER_HELD: "Resume or withdraw it: nena orders resume NAME.",
     MatterKind.ORDER_LATE: "Find out what it waits for: nena explain NAME.",
     MatterKind.BROKER_LACKS: "Use another MQTT broker, or do what docs/brokers.md says.",

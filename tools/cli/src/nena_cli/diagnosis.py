@@ -48,7 +48,7 @@ class StatusReport(Resource):
     services: dict[str, str]
     """State of the order service at each URL."""
     vehicles: dict[VehicleState, int] | None
-    """Number by state; None: the order service does not answer."""
+    """Number by state; None: no order service is ready."""
     orders: dict[TransportOrderState, int] | None
     """Number of unfinished orders by state."""
     attention: tuple[Matter, ...]
@@ -85,8 +85,9 @@ def status(service: Service, *, aggregator: Aggregator = DEFAULT_AGGREGATOR) -> 
     counts: FleetSummary | None = None
     with service.opened() as connection:
         services = connection.readiness()
-        with suppress(RefusedError, UnreachableError):
-            counts = connection.call(SUMMARISE)
+        if any(each.healthy for each in services.values()):  # a hung one is waited for once
+            with suppress(RefusedError, UnreachableError):
+                counts = connection.call(SUMMARISE)
     report = StatusReport(
         services={url: each.text for url, each in services.items()},
         vehicles=counts.vehicles if counts else None,

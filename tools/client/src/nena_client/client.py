@@ -14,6 +14,7 @@ from pydantic import BaseModel
 
 from nena_client.exchange import (
     ANSWER,
+    CONNECT_SECONDS,
     EVENTS,
     STREAM,
     A,
@@ -194,7 +195,7 @@ class Client:
 
     def _state_of(self, url: str) -> ServiceState:
         try:
-            return ServiceState.of(self._client.get(f"{url}/readyz"))
+            return ServiceState.of(self._client.get(f"{url}/readyz", timeout=CONNECT_SECONDS))
         except httpx.TransportError as error:
             return ServiceState(f"not reachable: {error}", healthy=False)
 
@@ -331,7 +332,7 @@ class AsyncClient:
 
     async def _state_of(self, url: str) -> ServiceState:
         try:
-            return ServiceState.of(await self._client.get(f"{url}/readyz"))
+            return ServiceState.of(await self._client.get(f"{url}/readyz", timeout=CONNECT_SECONDS))
         except httpx.TransportError as error:
             return ServiceState(f"not reachable: {error}", healthy=False)
 

@@ -42,6 +42,7 @@ Query = Mapping[str, str | int | Sequence[str]]
 PAGE = 200
 """Items per page."""
 CONNECT_SECONDS = 5.0
+"""Timeout of a connection, and of the answer about readiness, which needs no work, seconds."""
 ANSWER_SECONDS = 30.0
 """Timeout of a request, seconds; longer than the order service waits for its store and for robots."""
 ANSWER = httpx.Timeout(ANSWER_SECONDS, connect=CONNECT_SECONDS)
