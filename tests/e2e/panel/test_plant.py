@@ -180,6 +180,10 @@ async def test_a_plant_of_four_points_is_drawn_kept_activated_and_driven(  # noq
                 "P3": (4000, 5000),
             }
             assert len((await drawn(page))["paths"]) == 6
+            for key in ("Escape", "Escape", "Tab"):
+                await page.keyboard.press(key)
+            await expect(canvas).not_to_be_focused()
+            await canvas.focus()
             await page.keyboard.press("Control+z")
             assert len((await drawn(page))["paths"]) == 2
             await page.keyboard.press("Control+y")
@@ -295,10 +299,9 @@ async def test_findings_are_at_their_places_and_conflicts_are_named(
         marked = await page.evaluate("() => [...document.querySelector('nena-draft-canvas').findings.keys()]")
         assert name in marked
         await entry.get_by_role("button").click()
-        async with page.expect_download() as downloaded:
-            await page.get_by_label("File format").select_option("opentcs")
-            await page.get_by_role("button", name="Download").click()
-        assert (await downloaded.value).suggested_filename == "less.xml"
+        await page.get_by_label("File format").select_option("opentcs")
+        await page.get_by_role("button", name="Download").click()
+        await expect(page.get_by_role("region", name="Download")).to_contain_text("less.xml saved.")
 
 
 async def test_points_are_selected_aligned_split_and_versions_compared(
@@ -372,6 +375,10 @@ async def test_the_page_speaks_each_language(
         await expect(page.get_by_label(text("plant.parking"))).to_be_visible()
         assert await findings(page) == []
         await picture(page, f"plant-{language[:2]}")
+        await page.set_viewport_size({"width": 390, "height": 844})
+        assert await page.evaluate("() => document.documentElement.scrollWidth") <= 390
+        assert await findings(page) == []
+        await picture(page, f"plant-phone-{language[:2]}")
 
 
 DRAG = """async ([x, y]) => {
