@@ -21,6 +21,7 @@ from nena_shared.fleet_api.requests import (
     ResumeRequest,
     WithdrawalRequest,
 )
+from nena_shared.fleet_api.plant_drafts import PlantActivation, PlantDraftRequest
 from nena_shared.fleet_api.schedules import ScheduleRequest, ScheduleSwitch
 from nena_shared.fleet_api.stops import StopEndRequest, StopRequest
 from nena_shared.fleet_api.topics import FleetTopics
@@ -48,6 +49,8 @@ BODIES: dict[str, type[BaseModel]] = {
     "/rerouting": ReroutingRequest,
     "/v1/schedules/milk-run": ScheduleRequest,
     "/enabled": ScheduleSwitch,
+    "/v1/plantDrafts/aisle": PlantDraftRequest,
+    "/activation": PlantActivation,
     "/v1/stops": StopRequest,
     "/end": StopEndRequest,
 }

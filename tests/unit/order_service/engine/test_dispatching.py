@@ -210,7 +210,7 @@ async def test_after_a_long_decision_the_next_one_waits_and_assigns_the_urgent_o
 
     def long_decision() -> None:
         decide()
-        engine.clock.advance(0.01)  # type: ignore[attr-defined]
+        engine.clock.worked += 0.01  # type: ignore[attr-defined]
 
     monkeypatch.setattr(engine.life_cycle, "dispatch_orders", long_decision)
     engine.create(request("B"), "first")
