@@ -18,13 +18,14 @@ from nena_conversations.kit import report
 from nena_conversations.kit.clause import Outcome, Verdict
 from nena_conversations.kit.robot_clauses import ROBOT_CLAUSES
 from nena_conversations.kit.run import RobotUnderTest, judge_robot
+from nena_conversations.kit.session import Person
 from nena_shared.settings import MqttSettings
-from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import codec_named
 from support.broker import Broker, MqttPeer
 from support.edge_agent import MANUFACTURER, SERIAL, AgentProcess
 from support.mutant_robot import Change, Message, mutant
-from support.waiting import PATIENCE, wait_until
+from support.waiting import PATIENCE, until, wait_until
 
 pytestmark = pytest.mark.broker
 
@@ -48,7 +49,12 @@ def agent(broker: Broker, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 
 
 async def judged(
-    agent: tuple[Broker, str], clauses: tuple[str, ...], *, plan: bool = True, **changes: Any
+    agent: tuple[Broker, str],
+    clauses: tuple[str, ...],
+    *,
+    plan: bool = True,
+    person: Person | None = None,
+    **changes: Any,
 ) -> dict[str, Verdict]:
     """Judge the agent with changed messages by some of the clauses, and by what the checker sees."""
     broker, interface = agent
@@ -66,6 +72,7 @@ async def judged(
             report=lambda _: None,
             client_id=f"test-{name}",
             answer_within=QUICK,
+            person=person,
         )
     return {verdict.id: verdict for verdict in verdicts}
 
@@ -516,6 +523,65 @@ async def test_without_a_plan_the_robot_is_not_moved(agent: tuple[Broker, str]) 
     assert "--place x,y" in verdicts["drive"].reason
 
 
+PERSON = ("person/emergencyStop", "person/manual", "person/automatic", "person/link")
+STEPS: dict[str, tuple[Topic, Message]] = {
+    "press": (STATE, {"safetyState": {"eStop": "MANUAL", "fieldViolation": False}}),
+    "release": (STATE, {}),
+    "MANUAL": (STATE, {"operatingMode": "MANUAL"}),
+    "AUTOMATIC": (STATE, {}),
+    "cut": (CONNECTION, {"connectionState": "CONNECTIONBROKEN"}),
+    "restore": (CONNECTION, {}),
+}
+"""What a person does, and what changes in the robot's messages then."""
+
+
+async def tried_by_a_person(agent: tuple[Broker, str], *ignored: str) -> dict[str, Verdict]:
+    """Judge an agent at which a person does what is asked for; it shows all but what is ``ignored``."""
+    broker, interface = agent
+    shown: dict[Topic, Message] = {STATE: {}, CONNECTION: {}}
+    last: dict[Topic, Message] = {}
+    client = MqttPeer(broker)
+
+    def says(topic: Topic, message: Message) -> Message:
+        last[topic] = message
+        return {**message, **shown.get(topic, {})}
+
+    def hears(topic: Topic, message: Message) -> Message:
+        # the agent itself is in AUTOMATIC all along
+        takes = topic is not Topic.ORDER or "operatingMode" not in shown[STATE]
+        return message if takes else {**message, "nodes": []}
+
+    async def person(what: str) -> None:
+        step = next(each for each in STEPS if each in what)
+        topic, fields = STEPS[step]
+        shown[topic] = {} if step in ignored else fields
+        await until(lambda: {topic, STATE} <= last.keys(), what="the agent's first messages")
+        for each in (topic, STATE):
+            name = TopicScheme(interface).of(ROBOT, each)
+            client.publish(name, json.dumps(last[each]))
+
+    with client:
+        return await judged(agent, PERSON, person=person, says=says, hears=hears)
+
+
+async def test_what_a_person_does_shows(agent: tuple[Broker, str]) -> None:
+    verdicts = await tried_by_a_person(agent)
+    assert {id_: verdicts[id_].reason for id_ in PERSON} == dict.fromkeys(PERSON, "")
+
+    nobody = await judged(agent, PERSON)
+    assert {nobody[id_].outcome for id_ in PERSON} == {Outcome.NOT_APPLICABLE}
+
+
+@pytest.mark.parametrize(
+    ("ignored", "caught"), [("press", "person/emergencyStop"), ("MANUAL", "person/manual")]
+)
+async def test_what_a_person_does_and_the_robot_does_not_show_is_caught(
+    agent: tuple[Broker, str], ignored: str, caught: str
+) -> None:
+    verdicts = await tried_by_a_person(agent, ignored)
+    assert [id_ for id_ in PERSON if verdicts[id_].outcome is Outcome.FAILED] == [caught]
+
+
 def nena(*arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "nena_cli", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=4 * PATIENCE, check=False)
@@ -540,7 +606,7 @@ def test_honest_robot_passes_all_clauses_and_the_reports_say_so(
     clauses = json.loads(reports["json"].read_bytes())["clauses"]
     # the loopback driver has one map, from its settings
     apart = {each["id"]: each["reason"] for each in clauses if each["outcome"] != "passed"}
-    assert set(apart) == {"enableMap/unknown", "deleteMap/unknown"}, apart
+    assert set(apart) == {"enableMap/unknown", "deleteMap/unknown", *PERSON}, apart
     assert len(clauses) >= 120
     suite = ElementTree.fromstring(reports["junit"].read_bytes())
     assert (suite.get("tests"), suite.get("failures")) == (str(len(clauses)), "0")

@@ -232,6 +232,9 @@ def judge(
         float | None, typer.Option(min=1, max=20, help="Instead: drive within this square around it, m.")
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Drive without asking first.")] = False,
+    person: Annotated[
+        bool, typer.Option("--person", help="Ask for what needs a person at the robot, on the terminal.")
+    ] = False,
     answer_within: Annotated[
         float,
         typer.Option(min=0.1, help="Time for the robot's answers, s; drives take up to six times that."),
@@ -269,7 +272,12 @@ def judge(
             typer.confirm(question, abort=True)
         verdicts, entries = asyncio.run(
             judge_robot(
-                address, tested, report=_print_verdict, client_id=client_id, answer_within=answer_within
+                address,
+                tested,
+                report=_print_verdict,
+                client_id=client_id,
+                answer_within=answer_within,
+                person=_ask_at_the_robot if person else None,
             )
         )
         about = {"robot": robot, "version": codec.version}
@@ -423,6 +431,10 @@ def _write_reports(
                 append(entry, out)
     echo(f"{report.summary(verdicts)}; VDA 5050 {about['version']}")
     raise typer.Exit(FOUND if report.violations(verdicts) else 0)
+
+
+async def _ask_at_the_robot(what: str) -> None:
+    await asyncio.to_thread(typer.prompt, f"Please {what}, then press Enter", default="", show_default=False)
 
 
 def _place_of(text: str) -> tuple[float, float]:

@@ -13,11 +13,13 @@ from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.factsheet import ActionScope, Factsheet
 from nena_shared.vda5050.order import Node
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.state import EmergencyStop, OperatingMode, State
 from nena_shared.vda5050.topics import Topic
 
 STATE_WITHIN: Final = 31.0
 """A state comes at least every 30 s, seconds."""
+WILL_WITHIN: Final = 60.0
+"""Time until the broker sends the last will, or the robot is back, seconds."""
 UNMOVED: Final = 3.0
 """Time in which a robot that must not drive is watched, seconds."""
 ARRIVED: Final = 0.5
@@ -524,6 +526,49 @@ async def _visualizations_come(robot: RobotSession) -> None:
     order_id, _ = await _begin_drive(robot, released=2)
     await robot.done(order_id, robot.drive_within)
     require(robot.heard.counts[Topic.VISUALIZATION], "no visualization came, not even in a drive")
+
+
+@_clause("person/emergencyStop", "A pressed emergency stop shows in the state", ("6.10.6", "7.8"))
+async def _emergency_stop_shows(robot: RobotSession) -> None:
+    await robot.ask("press the emergency stop of the robot")
+    await robot.state(_is_stopped, "an active emergency stop")
+    await robot.ask("release the emergency stop, and acknowledge it")
+    await robot.state(lambda state: not _is_stopped(state), "the end of the emergency stop")
+
+
+def _is_stopped(state: State) -> bool:
+    return state.safety_state.active_emergency_stop is not EmergencyStop.NONE
+
+
+@_clause("person/manual", "A robot in MANUAL says so, and takes no order", ("6.10.6", "6.6.6"))
+async def _manual_robot_takes_no_order(robot: RobotSession) -> None:
+    await robot.ask("switch the robot to MANUAL")
+    await robot.state(lambda state: state.operating_mode is OperatingMode.MANUAL, "the mode MANUAL")
+    order, before = robot.order(new_id(), 0, [robot.here()]), robot.errors
+    robot.send(Topic.ORDER, order)
+    await robot.refused(order.order_id, before, "an order to a robot in MANUAL")
+
+
+@_clause("person/automatic", "A robot that is back in AUTOMATIC takes orders", ("6.10.6", "6.6.6"))
+async def _automatic_robot_takes_orders(robot: RobotSession) -> None:
+    await robot.ask("switch the robot to AUTOMATIC")
+    await robot.state(lambda state: state.operating_mode is OperatingMode.AUTOMATIC, "the mode AUTOMATIC")
+    await robot.accepted(robot.order(new_id(), 0, [robot.here()]))
+
+
+@_clause("person/link", "A broken link shows, and a state follows its end", ("6.14", "6.5"))
+async def _broken_link_shows(robot: RobotSession) -> None:
+    await robot.ask("cut the robot's link, such as its radio")
+    broken = ConnectionState.CONNECTION_BROKEN
+    await robot.until(lambda: _connection(robot) is broken, f"the last will {broken}", WILL_WITHIN)
+    await robot.ask("restore the robot's link")
+    count = robot.heard.counts[Topic.STATE]
+    await robot.until(lambda: _connection(robot) is ConnectionState.ONLINE, "ONLINE", WILL_WITHIN)
+    await robot.until(lambda: robot.heard.counts[Topic.STATE] > count, "a state after ONLINE", STATE_WITHIN)
+
+
+def _connection(robot: RobotSession) -> ConnectionState | None:
+    return robot.heard.connection.connection_state if robot.heard.connection else None
 
 
 async def _begin_drive(robot: RobotSession, *, released: int, places: int = 2) -> tuple[str, list[Node]]:

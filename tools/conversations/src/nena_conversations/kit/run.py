@@ -10,7 +10,7 @@ from nena_conversations.broker import BrokerAddress, connect_broker
 from nena_conversations.kit.clause import Clause, Verdict
 from nena_conversations.kit.engine import OF_EACH_TOPIC, Watched, try_clause, watched_verdict
 from nena_conversations.kit.robot_clauses import ROBOT_CLAUSES
-from nena_conversations.kit.session import ANSWER_WITHIN, Place, RobotSession
+from nena_conversations.kit.session import ANSWER_WITHIN, Person, Place, RobotSession
 from nena_conversations.recording import Entry
 from nena_conversations.rules import Rule
 from nena_shared.vda5050.codec import Codec
@@ -55,6 +55,7 @@ async def judge_robot(
     report: Callable[[Verdict], None],
     client_id: str,
     answer_within: float = ANSWER_WITHIN,
+    person: Person | None = None,
 ) -> tuple[list[Verdict], tuple[Entry, ...]]:
     """Test a robot; return the verdicts and the recorded messages.
 
@@ -70,7 +71,13 @@ async def judge_robot(
 
     async with connect_broker(address, client_id) as link:
         session = RobotSession(
-            link, tested.topics, tested.robot, tested.codec, plan=tested.plan, answer_within=answer_within
+            link,
+            tested.topics,
+            tested.robot,
+            tested.codec,
+            plan=tested.plan,
+            answer_within=answer_within,
+            person=person,
         )
         session.send_instant("stateRequest")  # a robot at rest may be silent for 30 s
         for clause in clauses:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from itertools import pairwise
@@ -40,6 +40,10 @@ RECORDED: Final = 100_000
 
 Place = tuple[float, float]
 """A place of the plan that the robot may use, m in its map."""
+
+
+Person = Callable[[str], Awaitable[None]]
+"""Asks a person to do something at the robot, and returns when it is done."""
 
 
 @dataclass(slots=True)
@@ -130,6 +134,7 @@ class RobotSession(Listener):
         *,
         plan: Sequence[Place] = (),
         answer_within: float = ANSWER_WITHIN,
+        person: Person | None = None,
     ) -> None:
         super().__init__()
         self.codec = codec
@@ -140,6 +145,8 @@ class RobotSession(Listener):
         self.drive_within = DRIVES * answer_within
         """Time for a drive between two places of the plan, seconds."""
         self.heard = Heard()
+        self._person = person
+        self._waits_for_factsheet = True
         self._link, self._topics = link, topics
         self._headers: Counter[Topic] = Counter()
         for topic in codec.kinds:
@@ -182,11 +189,13 @@ class RobotSession(Listener):
         return found[0]
 
     async def factsheet(self) -> Factsheet:
-        """Wait for the factsheet; raises ClauseFailedError."""
-        await self.until(lambda: self.heard.factsheet, "a readable factsheet")
+        """Wait for the factsheet, once; raises NotApplicableError without one."""
+        if self._waits_for_factsheet:
+            await self.came_true(lambda: self.heard.factsheet, self.answer_within)
+            self._waits_for_factsheet = False
         if self.heard.factsheet is None:
-            message = "the factsheet is gone"
-            raise ClauseFailedError(message)
+            message = "the robot has sent no readable factsheet"
+            raise NotApplicableError(message)
         return self.heard.factsheet
 
     async def never(self, condition: Callable[[State], Any], what: str, seconds: float) -> None:
@@ -337,6 +346,13 @@ class RobotSession(Listener):
             lambda state: (state.order_id, state.order_update_id) == (order.order_id, order.order_update_id),
             f"order {order.order_id!r}, update {order.order_update_id} in the state",
         )
+
+    async def ask(self, what: str) -> None:
+        """Wait until a person at the robot has done something; raises NotApplicableError without one."""
+        if self._person is None:
+            message = f"pass --person if somebody at the robot can {what}"
+            raise NotApplicableError(message)
+        await self._person(what)
 
     async def refused(self, order_id: str, errors: Errors, what: str) -> State:
         """Wait for a new error, and check that the order was not taken; raises ClauseFailedError."""
