@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import Any
@@ -18,6 +19,7 @@ from typer.testing import CliRunner
 from nena_cli.__main__ import app
 from nena_shared.fleet_api.stops import DirectStop, StopStatus
 from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.tasks import end
 from nena_shared.vda5050.topics import Topic
 from support.broker import free_port
 from support.fleet_examples import connection, state, vehicle_status
@@ -36,6 +38,7 @@ class HallSite:
     def __init__(self, hall: Hall) -> None:
         self.hall = hall
         self._number = 0
+        self._beat: dict[str, Any] | None = None
 
     @property
     def now(self) -> datetime:
@@ -62,7 +65,22 @@ class HallSite:
         self._number += 1
         self.hall.publish_order(self._number, state, name, **fields)
 
+    @asynccontextmanager
+    async def beating(self) -> AsyncIterator[None]:
+        """Repeat the last heartbeat of the order service, as it does itself."""
+
+        async def beat() -> None:
+            while True:
+                await asyncio.sleep(1)
+                if self._beat is not None:
+                    self.service(**self._beat)
+
+        task = asyncio.create_task(beat())
+        yield
+        await end(task)
+
     def service(self, **fields: Any) -> None:
+        self._beat = fields
         body = heartbeat(self.now, **fields).model_dump_json(by_alias=True)
         self.hall.peer.publish(self.hall.fleet.service_status, body, retain=True)
 
@@ -88,8 +106,12 @@ async def test_panel_rest_metrics_and_nena_status_agree(
     hall: Hall, browser: Browser, conditions: tuple[Condition, ...]
 ) -> None:
     expected = {matter for condition in conditions for matter in condition.matters}
-    async with hall.connected(*LIMITS), httpx.AsyncClient(base_url=hall.url) as client:
-        site = HallSite(hall)
+    site = HallSite(hall)
+    async with (
+        hall.connected(*LIMITS),
+        site.beating(),
+        httpx.AsyncClient(base_url=hall.url) as client,
+    ):
         for condition in conditions:
             condition.arrange(site)
 
