@@ -10,6 +10,7 @@ import pytest
 from pydantic import BaseModel
 
 from nena_shared.fleet_api.plant import PathLockRequest
+from nena_shared.fleet_api.plant_drafts import PlantActivation, PlantDraftRequest
 from nena_shared.fleet_api.requests import (
     DispatchRequest,
     HoldRequest,
@@ -21,7 +22,6 @@ from nena_shared.fleet_api.requests import (
     ResumeRequest,
     WithdrawalRequest,
 )
-from nena_shared.fleet_api.plant_drafts import PlantActivation, PlantDraftRequest
 from nena_shared.fleet_api.schedules import ScheduleRequest, ScheduleSwitch
 from nena_shared.fleet_api.stops import StopEndRequest, StopRequest
 from nena_shared.fleet_api.topics import FleetTopics
