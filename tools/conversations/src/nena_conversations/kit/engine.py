@@ -49,8 +49,9 @@ async def try_clause(clause: Clause[S], section: str, session: S, prefix: str = 
     try:
         await session.clear()
     except ClauseFailedError as error:
-        outcome, reason = Outcome.FAILED, reason or f"after the clause: {error}"
-        shown = shown or session.shown(first)
+        if outcome is not Outcome.NOT_APPLICABLE:  # nothing was done in it
+            outcome, reason = Outcome.FAILED, reason or f"after the clause: {error}"
+            shown = shown or session.shown(first)
     return Verdict(
         prefix + clause.id,
         clause.title,
