@@ -159,7 +159,7 @@ def test_a_robot_in_mode_intervened_is_sent_only_cancel_order() -> None:
         bench.news.clear()
         bench.instruct(action(name, f"i{number}"))
         assert ended(bench).status is ActionStatus.FAILED
-        why = "is in operating mode INTERVENED, in which cancelOrder is the only instant action"
+        why = "is under manual intervention, in which cancelOrder is the only instant action"
         assert str(ended(bench).reason) == f"not sent: the robot {why}"
     bench.cancel()
     assert bench.instants_sent() == ["cancelOrder"]
