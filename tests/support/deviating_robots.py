@@ -235,6 +235,7 @@ def _of_errors() -> Iterator[Deviation]:
 
 
 def _of_lists() -> Iterator[Deviation]:
+    yield Deviation("errors an empty object", {"errors": {}}, "state.errors {}: empty list")
     for name, seen in (("errors", ""), ("edgeStates", of_states(6)), ("actionStates", of_states(7))):
         yield Deviation(f"{name} null", {name: None}, f"state.{name} null: empty list")
         yield Deviation(f"no {name}", {name: MISSING}, f"state.{name} missing: empty list", seen=seen)
@@ -406,6 +407,12 @@ def _of_words() -> Iterator[Deviation]:
         "connectionState in small letters",
         {"connectionState": "online"},
         'connection.connectionState "online": letter case',
+        topic=Topic.CONNECTION,
+    )
+    yield Deviation(
+        "connectionState CONNECTED",
+        {"connectionState": "CONNECTED"},
+        'connection.connectionState "CONNECTED": left out',
         topic=Topic.CONNECTION,
     )
     yield Deviation(

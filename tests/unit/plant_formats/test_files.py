@@ -52,6 +52,15 @@ def test_other_file_is_refused(data: bytes, code: str) -> None:
     assert caught.value.problems[0].code == code
 
 
+def test_a_bad_value_is_quoted_and_a_missing_one_is_not() -> None:
+    with pytest.raises(PlantModelError) as caught:
+        read(b'{"points": {"A": {"xMm": 0}}}')
+    assert [each.text for each in caught.value.problems] == [
+        "name: is missing",
+        'points: Input should be a valid array (received {"A":{"xMm":0}})',
+    ]
+
+
 def test_strict_applies_to_lif() -> None:
     odd = lif_of(node("A", colour="red"))
     assert read(odd).model.points

@@ -86,9 +86,9 @@ def find_actions(
         if not key.startswith(ACTION) or "." in key.removeprefix(ACTION) or not properties[key].strip():
             continue
         own_tags = _split(own.get(f"{prefix}tags", "default"))
-        if (trigger is None or trigger in _split(own.get(f"{prefix}when", "|".join(ActionTrigger)))) and any(
-            all({"*", tag} & passing for passing in allowed) for tag in own_tags
-        ):
+        if (
+            trigger is None or trigger in _split(own.get(f"{prefix}when", "|".join(ActionTrigger)).upper())
+        ) and any(all({"*", tag} & passing for passing in allowed) for tag in own_tags):
             yield _action(own[key], prefix, own)
 
 
@@ -121,7 +121,7 @@ def read_blocking_types(properties: Mapping[str, str]) -> dict[str, PlantBlockin
 
 def read_blocking_type(text: str) -> PlantBlockingType | None:
     """Return a blocking type; None if unknown."""
-    return PlantBlockingType(text) if text in set(PlantBlockingType) else None
+    return next((each for each in PlantBlockingType if each == text.strip().upper()), None)
 
 
 def read_parameter(text: str) -> str | float | bool | None:
@@ -242,7 +242,7 @@ _VALUES: Final[tuple[tuple[re.Pattern[str], Callable[[str], bool], str], ...]] =
     ),
     (
         re.compile(r"vda5050:action\..+\.when"),
-        lambda text: _split(text) <= set(ActionTrigger),
+        lambda text: _split(text.upper()) <= set(ActionTrigger),
         f"one or several of {', '.join(ActionTrigger)}, separated by |",
     ),
     (

@@ -302,6 +302,7 @@ def repair(
             repairs["timestamp", kind] = quoted(time)
     if scope is Scope.COMMAND:
         _convert_degrees(form, content, repairs)
+    stated_update = {name: content[name] for name in ("orderUpdateId",) if name in content}
     for field in _fields_of(form, "", scope, only):
         try:
             field.apply(content, repairs)
@@ -310,6 +311,7 @@ def repair(
                 field.empty_in(content)
     if scope is Scope.REPORT and content.get("orderId") and ("orderUpdateId", RepairKind.REPLACED) in repairs:
         del content["orderUpdateId"]  # a wrong number would look as if the robot had lost its order
+        content.update(stated_update)
 
 
 def repair_order_id(content: dict[str, Any], repairs: Repairs) -> bool:
@@ -581,6 +583,9 @@ def _list_of(shape: Shape, at: str, scope: Scope, only: frozenset[str]) -> _Fix:
         if type(value) is str and value and scope is not Scope.COMMAND and issubclass(item.kind, str):
             repairs[at, RepairKind.TEXT_AS_LIST] = quoted(value)
             value = [value]
+        if value == {}:  # so Lua and PHP write an empty list
+            repairs[at, RepairKind.EMPTY_LIST] = "{}"
+            value = []
         if type(value) is not list:
             raise _UnrepairableError
         kept: list[Any] = []

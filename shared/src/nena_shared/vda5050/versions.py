@@ -84,7 +84,7 @@ CODECS: Final[Mapping[str, Codec]] = find_codecs()
 RULES: Final[Mapping[str, Rules]] = _Rules()
 """The differences in meaning of each version, by version number."""
 
-_WRITTEN: Final = re.compile(r"v?(\d{1,3})(?:\.(\d{1,3}))?(?:\.(\d{1,3}))?", re.ASCII)
+_WRITTEN: Final = re.compile(r"v?(\d{1,3})(?:\.(\d{1,3}))?(?:\.(\d{1,3}))?", re.ASCII | re.IGNORECASE)
 """A version number; minor and patch may be missing."""
 
 

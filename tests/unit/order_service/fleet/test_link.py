@@ -427,6 +427,18 @@ def test_an_empty_message_that_clears_a_retained_one_says_nothing_of_the_robot(t
     assert (link.view(ROBOT), link.statistics.malformed[topic]) == (before, 0)
 
 
+def test_an_unreadable_connection_beside_readable_states_is_reported() -> None:
+    mqtt, codec = Handlers(), codec_for("2.1.0")
+    link, robot = link_over(mqtt, ManualClock(), FleetSettings()), HonestRobot(key=ROBOT, last_node_id="A")
+    connected = codec.encode(robot.connection(ConnectionState.ONLINE)).replace(b"ONLINE", b"CONNECTED")
+    for topic, payload in ((Topic.CONNECTION, connected), (Topic.STATE, codec.encode(robot.state()))):
+        mqtt.by_filter[V2.for_all(topic)](Inbound(V2.of(ROBOT, topic), payload, retained=False))
+    assert link.view(ROBOT).link is LinkStatus.ONLINE
+    assert [str(each) for each in link.deviations.of(ROBOT)] == [
+        'connection.connectionState "CONNECTED": left out'
+    ]
+
+
 async def test_waiting_messages_are_read_before_an_order_is_sent_again() -> None:
     """Under load, the robot's answer to an order may wait longer than the order service for it."""
     waiting: list[Inbound] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 from typing import Any
 
@@ -242,6 +243,14 @@ def test_a_robot_on_another_map_is_not_located() -> None:
     elsewhere = pose(0.0, 0.0, map_id="cellar")
     with pytest.raises(NotLocatedError, match="on map 'cellar', but its orders are on map 'hall'"):
         locate(PLANT, state(mobile_robot_position=elsewhere), PROFILE)
+
+
+def test_a_robot_whose_map_no_point_has_is_told_the_points_maps() -> None:
+    there = point("A").model_copy(update={"properties": {"vda5050:mapId": "hall"}})
+    plant = PlantModel(name="plant", points=(there,))
+    elsewhere = pose(0.0, 0.0, map_id="floor1")
+    with pytest.raises(NotLocatedError, match="on map 'floor1', but its orders are on map 'hall'"):
+        locate(plant, state(mobile_robot_position=elsewhere), replace(PROFILE, map_id="floor1"))
 
 
 def test_a_profile_uses_the_vehicles_properties() -> None:

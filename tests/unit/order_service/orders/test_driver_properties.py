@@ -117,7 +117,7 @@ BEEP = {"action.01": "beep"}
 DOOR = {
     "action.02": "closeDoor",
     "action.01": "openDoor",
-    "action.01.blockingType": "HARD",
+    "action.01.blockingType": "Hard",
     "action.01.parameter.door": "D7",
     "action.01.parameter.number": "integer:7",
     "action.01.parameter.height": "float:2",
@@ -153,6 +153,7 @@ async def test_actions_of_paths_and_points_are_in_the_order(version: str) -> Non
         ("PASSING", "B"),
         ("ORDER_START | ORDER_END", "AC"),
         ("ORDER_END|nonsense", "C"),
+        ("order_end", "C"),
         ("nonsense", ""),
     ],
 )

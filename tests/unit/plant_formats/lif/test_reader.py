@@ -357,6 +357,14 @@ def test_headings_in_degrees_are_turned_all_together() -> None:
     assert ("HEADINGS_IN_DEGREES", "") in refusals(data, strict=True)
 
 
+def test_a_finding_quotes_the_value() -> None:
+    with pytest.raises(PlantModelError) as caught:
+        read(lif_of(node("A", nodePosition={"x": "0,5", "y": 0.0})))
+    assert [each.text.partition("first at ")[2] for each in caught.value.problems] == [
+        'layouts.0.nodes.0.nodePosition.x (received "0,5"))'
+    ]
+
+
 @pytest.mark.parametrize(
     ("data", "code", "name"),
     [

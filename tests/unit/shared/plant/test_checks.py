@@ -275,7 +275,7 @@ def test_keys_of_the_driver_that_have_an_effect(of: str, properties: dict[str, s
         ("path", {"orientation_forward": "left"}, "PROPERTY_UNREADABLE", "'left'; it must be a number"),
         ("path", {"orientation_forward": "nan"}, "PROPERTY_UNREADABLE", "'nan'"),
         ("path", {"rotationAllowed_forward": "no"}, "PROPERTY_UNREADABLE", "true or false"),
-        ("path", {"action_1": "x", "action_1_blockingType": "hard"}, "PROPERTY_UNREADABLE", "NONE, SOFT"),
+        ("path", {"action_1": "x", "action_1_blockingType": "hardest"}, "PROPERTY_UNREADABLE", "NONE, SOFT"),
         ("path", {"action_1": "x", "action_1_when": "ALWAYS"}, "PROPERTY_UNREADABLE", "PASSING"),
         ("path", {"action_1": "x", "action_1_parameter_n": "integer:1.5"}, "PROPERTY_UNREADABLE", "colon"),
         ("vehicle", {"maxStepsBase": "0"}, "PROPERTY_UNREADABLE", "whole number"),

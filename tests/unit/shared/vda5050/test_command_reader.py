@@ -103,6 +103,10 @@ CERTAIN: dict[str, tuple[dict[str, Any], list[str]]] = {
         {"nodes.0.actions": MISSING, "nodes.1.actions": None, "edges.0.actions": MISSING},
         ["nodes.actions null: empty list", "edges.actions missing: empty list"],
     ),
+    "an empty list as Lua writes it": (
+        {"nodes.0.actions": {}, "edges.0.actions": {}},
+        ["nodes.actions {}: empty list", "edges.actions {}: empty list"],
+    ),
     "mapId missing": (
         {"nodes.0.nodePosition.mapId": MISSING},
         ["nodes.nodePosition.mapId missing: replaced"],

@@ -117,6 +117,8 @@ REPAIRED: list[tuple[str, Any, str | None, str, Any]] = [
     ("actionStates", None, "empty_list", "action_states", ()),
     ("actionStates", MISSING, "empty_list", "action_states", ()),
     ("nodeStates", None, "empty_list", "node_states", ()),
+    ("nodeStates", {}, "empty_list", "node_states", ()),
+    ("errors", {}, "empty_list", "errors", ()),
     ("nodeStates.0.sequenceId", 2.0, "whole_number", "node_states.0.sequence_id", 2),
     ("nodeStates.0.sequenceId", "2", "text_as_number", "node_states.0.sequence_id", 2),
     ("nodeStates.0.nodeId", 5, "number_as_text", "node_states.0.node_id", "5"),
@@ -301,7 +303,6 @@ def test_zeros_that_end_a_text_in_c_are_skipped() -> None:
         ("orderId", MISSING),
         ("orderId", None),
         ("nodeStates", MISSING),
-        ("nodeStates", {}),
         ("nodeStates.0", "A"),
         ("nodeStates.0.nodeId", MISSING),
         ("nodeStates.0.released", MISSING),
@@ -314,6 +315,12 @@ def test_unsafe_deviation_rejects_the_message(path: str, value: Any) -> None:
     with pytest.raises(MalformedMessageError) as caught:
         read(deviating(path, value))
     assert caught.value.problems[0].startswith(path.removesuffix(".0"))
+
+
+def test_an_order_update_that_is_null_is_not_called_missing() -> None:
+    with pytest.raises(MalformedMessageError) as caught:
+        read(deviating("orderUpdateId", None).replace(b'"orderId": ""', b'"orderId": "T1"'))
+    assert caught.value.reason == "orderUpdateId: Input should be a valid integer (received null)"
 
 
 def test_what_makes_an_object_unreadable_is_named() -> None:

@@ -13,6 +13,7 @@ from pydantic_core import from_json
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
 from nena_shared.plant.model import PlantModel
 from nena_shared.plant_terms import MAX_BYTES
+from nena_shared.vda5050.malformed import QUOTE, quoted
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,3 +116,8 @@ class ExportReport:
 
     data: bytes
     warnings: tuple[PlantProblem, ...]
+
+
+def with_received(text: str, finding: Any) -> str:  # noqa: ANN401 - pydantic's own type says less
+    """Return the text of one of pydantic's errors with the received value; a missing one has none."""
+    return text if finding["type"] == "missing" else f"{text}{QUOTE}{quoted(finding['input'])})"

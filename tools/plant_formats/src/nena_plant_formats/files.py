@@ -15,6 +15,7 @@ from nena_plant_formats.exchange import (
     records_in,
     refusal,
     repeated_keys,
+    with_received,
 )
 from nena_plant_formats.other_files import name_of
 from nena_shared.findings import in_words
@@ -109,7 +110,6 @@ def _json_bytes(data: bytes) -> bytes:
 
 
 def _problems_of(error: ValidationError) -> tuple[PlantProblem, ...]:
-    details = error.errors(include_url=False, include_context=False, include_input=False)
-    return tuple(
-        PlantProblem("BAD_VALUE", ObjectKind.MODEL, "", word) for word in in_words(details, whole="the model")
-    )
+    details = error.errors(include_url=False, include_context=False)
+    words = map(with_received, in_words(details, whole="the model"), details)
+    return tuple(PlantProblem("BAD_VALUE", ObjectKind.MODEL, "", word) for word in words)

@@ -716,6 +716,8 @@ class FleetLink:
             sighting = self._reader.sighting(inbound.topic, inbound.payload, scheme.major_version)
             outputs = control.on_unreadable_state(problem, sighting, self._now())
         else:
+            field = error.references.get("parameter", "message")
+            self.deviations.note(robot, name, (Repair(field, RepairKind.LEFT_OUT, error.received),))
             of_connection = name is Topic.CONNECTION  # no orders without a connection
             reason = Reason(R.UNREADABLE_CONNECTIONS, error.reason) if of_connection else None
             outputs = control.on_malformed(reason, self._now())

@@ -158,9 +158,9 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
     candidates = (index.nearest(here.x_m, here.y_m) for index in indices if index)
     nearest = min(filter(None, candidates), key=lambda point: _distance_to(point, here), default=None)
     if nearest is None:
-        raise NotLocatedError(
-            Reason(R.OTHER_MAP, map=pose.map_id, own=profile.map_id) if plant.points else Reason(R.NO_POINTS)
-        )
+        # not the robot's own alone: by default that is the map that it reports
+        own = ", ".join(sorted(name or profile.map_id for name in plant.points_by_map))
+        raise NotLocatedError(Reason(R.OTHER_MAP, map=pose.map_id, own=own) if own else Reason(R.NO_POINTS))
     distance = _distance_to(nearest, here)
     # An order may have sent it to a coordinate, however far from all points.
     at_coordinate = state.last_node_id.startswith(GOAL_PREFIX)

@@ -12,7 +12,7 @@ from typing import Any, Final
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from nena_plant_formats.exchange import letters_of, parts_of, records_in
+from nena_plant_formats.exchange import letters_of, parts_of, records_in, with_received
 from nena_plant_formats.lif import mobile_robots
 from nena_plant_formats.lif.document import (
     DRAFT_VERSION,
@@ -50,10 +50,10 @@ _HEADINGS: Final = ("theta", "vehicleOrientation", "mobileRobotOrientations")
 def format_problems(error: ValidationError) -> tuple[PlantProblem, ...]:
     """Return deviations from the format; equal ones are combined into one problem."""
     found: dict[tuple[str, str], list[str]] = {}
-    for detail in error.errors(include_url=False, include_context=False, include_input=False):
+    for detail in error.errors(include_url=False, include_context=False):
         # Without indices, so that a deviation of a thousand nodes is one warning (0014).
         field = ".".join("*" if isinstance(part, int) else part for part in detail["loc"])
-        found.setdefault((field, words_of(detail)), []).append(path_of(detail["loc"]))
+        found.setdefault((field, words_of(detail)), []).append(with_received(path_of(detail["loc"]), detail))
     return tuple(
         warning("NOT_LIF", f"{field}: {message} (found {len(places)} times, first at {places[0]})")
         for (field, message), places in found.items()
