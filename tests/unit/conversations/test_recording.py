@@ -46,8 +46,12 @@ def test_text_stays_readable_in_the_file() -> None:
     ("line", "problem"),
     [
         ("{", "line 2: line: Invalid JSON"),
-        ('{"topic": "t"}', "line 2: time: is missing"),
-        ('{"time": "2026-01-01T12:00:00", "topic": "t"}', "line 2: time: .*timezone"),
+        ('{"topic": "t", "payload": null}', "line 2: time: is missing"),
+        ('{"time": "2026-01-01T12:00:00", "topic": "t", "payload": null}', "line 2: time: .*timezone"),
+        (
+            '{"time": "2026-01-01T12:00:00Z", "topic": "t", "msg": {}}',
+            "payload is missing; .*time, topic, msg",
+        ),
         ('{"time": "2026-01-01T12:00:00Z", "topic": "t", "payload_base64": "?"}', "line 2: "),
     ],
 )

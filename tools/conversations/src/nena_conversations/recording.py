@@ -47,6 +47,9 @@ class _Line(BaseModel):
     @classmethod
     def _of_other_tools(cls, content: Any, info: Info) -> Any:  # noqa: ANN401 - whatever the JSON holds
         """Read what `mosquitto_sub` and others write: payloads as JSON, other names of the time or none."""
+        if isinstance(content, dict) and {"payload", "payload_base64"}.isdisjoint(content):
+            problem = f"payload is missing; the fields are {', '.join(content)}"
+            raise ValueError(problem)
         if not isinstance(content, dict) or content.get("payload") is None:
             return content
         payload = content["payload"]
