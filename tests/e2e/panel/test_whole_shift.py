@@ -1,0 +1,210 @@
+"""A shift of fifty loopback robots and a real order service: what happens, is listed, and ends it."""
+
+from __future__ import annotations
+
+import json
+import signal
+import time
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from playwright.async_api import Browser, Locator, Page, expect
+
+from nena_shared.plant import PlantModel, Vehicle
+from support.aggregator_process import AggregatorProcess
+from support.broker import Broker, MqttPeer, free_port
+from support.order_service_fleet import Fleet, listening
+from support.panel import LABELS, becomes, findings, opened, picture
+from support.panel_texts import Texts
+from support.plants import GRID_MM, grid_name, grid_plant, path, point
+from support.programs import OrderServiceProgram
+from support.waiting import awaited
+
+pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.long]
+
+LISTED_WITHIN = 5.0
+"""Time after which what happens must be in the list, seconds."""
+COLUMNS, ROWS, ROBOTS, DEAD_END = 20, 10, 50, 5
+AGENT = """
+driver = "loopback"
+interface_name = "{interface}"
+map_id = "hall"
+serial_number = "amr"
+manufacturer = "NeNa"
+[mqtt]
+port = {port}
+[journal]
+folder = "{folder}"
+[loopback]
+count = {robots}
+row = 10
+spacing = 4
+speed = 4.0
+control = true
+"""
+
+
+def hall() -> PlantModel:
+    """Make a grid of aisles with a dead end, in which the second robot waits behind the first one."""
+    grid = grid_plant(COLUMNS, ROWS)
+    names = [grid_name(COLUMNS - 1, 0), *(f"End-{number}" for number in range(DEAD_END))]
+    ends = [point(name, (COLUMNS + at) * GRID_MM, 0) for at, name in enumerate(names[1:])]
+    pairs = [pair for a, b in pairwise(names) for pair in ((a, b), (b, a))]
+    properties = {"vda5050:manufacturer": "NeNa", "vda5050:mapId": "hall", "vda5050:deviationXY": "0.5"}
+    vehicles = [
+        Vehicle(name=f"AMR-{number:02}", properties={**properties, "vda5050:serialNumber": f"amr-{number}"})
+        for number in range(1, ROBOTS + 1)
+    ]
+    more = {"points": (*grid.points, *ends), "vehicles": tuple(vehicles)}
+    return grid.model_copy(update={**more, "paths": (*grid.paths, *(path(" ".join(pair)) for pair in pairs))})
+
+
+class Shift:
+    """The page of an operator, and what happens in the hall."""
+
+    def __init__(
+        self, page: Page, orders: httpx.AsyncClient, peer: MqttPeer, interface: str, say: Texts
+    ) -> None:
+        self.page, self.orders, self.peer, self.interface, self.say = page, orders, peer, interface, say
+        self.took: dict[tuple[str, int], float] = {}
+        """Seconds until a matter was in the list, by its kind and number."""
+
+    def control(self, number: int, **command: Any) -> None:
+        """Do to a robot what a person in the hall does."""
+        self.peer.publish(f"{self.interface}/loopback/NeNa/amr-{number}/control", json.dumps(command))
+
+    async def order(self, name: str, number: int, place: str, **more: Any) -> None:
+        stop = {"locationName": place, "operation": "MOVE"}
+        body = {"name": name, "intendedVehicle": f"AMR-{number:02}", "destinations": [stop], **more}
+        assert (await self.orders.post("/v1/transportOrders", json=body)).status_code == 201
+
+    def entry(self, kind: str, subject: str = "") -> Locator:
+        """Return the entry of a matter in the attention list."""
+        return self.page.locator("nena-attention li").filter(has_text=self.say(kind)).filter(has_text=subject)
+
+    async def appears(self, kind: str, subject: str = "") -> Locator:
+        """Wait for a matter, note how long that takes, and save a picture."""
+        begin = time.monotonic()
+        entry = self.entry(kind, subject)
+        await expect(entry).to_be_visible()
+        self.took[kind, len(self.took)] = time.monotonic() - begin
+        await picture(self.page, f"whole-shift-{kind.partition('.')[2]}")
+        return entry
+
+    async def ends(self, kind: str, subject: str = "") -> None:
+        await expect(self.entry(kind, subject)).to_have_count(0)
+
+
+@pytest.mark.parametrize("language", ["en-GB", "de-DE", "nl-NL"])
+async def test_each_matter_is_listed_handled_and_replayed(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser, language: str
+) -> None:
+    fleet, port = Fleet(broker, interface_name, tmp_path), free_port()
+    plant = tmp_path / "hall.json"
+    plant.write_text(hall().to_json())
+    with fleet.stack, MqttPeer(broker) as peer:
+        options = ("--plant", plant, "--http.port", free_port())
+        service = fleet.order_service(*options)
+        async with await service.client() as orders:
+            await listening(orders)
+            arguments = (
+                *("--http.port", str(port), "--mqtt.port", str(broker.port), "--jam.robots", "1"),
+                *("--interface_name", interface_name, "--topic_prefix", fleet.prefix, "--jam.seconds", "1"),
+                *("--order_service.url", str(orders.base_url)),
+                *("--history.url", f"sqlite:///{tmp_path}/history.db"),
+            )
+            with AggregatorProcess(*arguments) as aggregator:
+                await aggregator.logged("broker connected")
+                robots = AGENT.format(
+                    interface=interface_name, port=broker.port, folder=tmp_path, robots=ROBOTS
+                )
+                fleet.agent_of(robots)
+                url, down = f"http://127.0.0.1:{port}/", ("502", "503", "504")
+                async with opened(
+                    browser, url, language=language, expected=down, width=1600, height=1000
+                ) as page:
+                    shift = Shift(page, orders, peer, interface_name, Texts(language))
+                    await page.locator("nena-attention-button button").click()
+                    tab = page.get_by_role("tab", name=shift.say("robots.tab", count=ROBOTS))
+                    await expect(tab).to_be_visible()
+                    await a_robot_stands_in_a_dead_end(shift)
+                    await an_order_fails_and_is_repeated(shift)
+                    await a_path_is_locked(shift)
+                    await the_order_service_hangs_and_dies(shift, service, fleet, options)
+                    await the_shift_is_replayed(shift)
+                    assert max(shift.took.values()) < LISTED_WITHIN, shift.took
+
+
+async def a_robot_stands_in_a_dead_end(shift: Shift) -> None:
+    await shift.order("first", 10, f"End-{DEAD_END - 1}")
+
+    async def driving() -> Any:
+        return (await shift.orders.get("/v1/vehicles/AMR-10")).json()["currentPosition"]
+
+    await awaited(driving, lambda place: str(place).startswith("End-"), what="AMR-10 is in the dead end")
+    shift.control(10, command="emergencyStop", stop="MANUAL")
+    await shift.appears("urgent.emergency_stop", "AMR-10")
+    for number in (9, 8, 20):
+        await shift.order(f"behind-{number}", number, "End-0")
+    entry = await shift.appears("attention.jam", "AMR-10")
+    await becomes(shift.page, LABELS, None, lambda labels: any("AMR-10 (" in each for each in labels))
+    assert await findings(shift.page) == []
+    await entry.get_by_role("link", name="AMR-10").first.click()
+    await expect(shift.page.locator("nena-robot-page")).to_contain_text("AMR-09")
+    await shift.page.get_by_role("link", name=shift.say("page.back")).click()
+    shift.control(10, command="acknowledgeEmergencyStop")
+    await shift.ends("urgent.emergency_stop", "AMR-10")
+
+
+async def an_order_fails_and_is_repeated(shift: Shift) -> None:
+    page, say = shift.page, shift.say
+    shift.control(50, command="pauseButton", pressed=True)
+    await shift.order("WMS-7", 50, grid_name(0, 9), timeout=1)
+    entry = await shift.appears("attention.order_failed", "WMS-7")
+    await entry.get_by_role("link", name="WMS-7").click()
+    await page.get_by_role("button", name=say("order.repeat"), exact=True).click()
+    await expect(page.locator("nena-order-page")).to_contain_text(say.start("done.orderCreated"))
+    await page.get_by_role("link", name=say("page.back")).click()
+    await entry.get_by_role("button", name=say("attention.acknowledge")).click()
+
+
+async def a_path_is_locked(shift: Shift) -> None:
+    name = f"{grid_name(0, 0)} --- {grid_name(0, 1)}"
+    answer = await shift.orders.put(f"/v1/paths/{name}/lock", json={"locked": True})
+    assert answer.status_code < 300, answer.text
+    entry = await shift.appears("attention.path_locked", name)
+    await entry.get_by_role("button", name=shift.say("place.unlock")).click()
+    await shift.ends("attention.path_locked", name)
+
+
+async def the_order_service_hangs_and_dies(
+    shift: Shift, service: OrderServiceProgram, fleet: Fleet, options: tuple[object, ...]
+) -> None:
+    service.process.send_signal(signal.SIGSTOP)
+    await shift.appears("attention.order_service_down")
+    service.process.send_signal(signal.SIGCONT)
+    await shift.ends("attention.order_service_down")
+    service.kill()
+    await shift.appears("attention.order_service_down")
+    fleet.order_service(*options, name="again")
+    await shift.ends("attention.order_service_down")
+
+
+async def the_shift_is_replayed(shift: Shift) -> None:
+    page, say = shift.page, shift.say
+    history = (await shift.page.request.get(f"{page.url.partition('#')[0]}api/v1/history?code=jam")).json
+    (first, *_) = reversed((await history())["entries"])
+    await page.get_by_role("link", name=say("history.title"), exact=True).click()
+    await expect(page.get_by_role("button", name=say("history.play"), exact=True)).to_be_enabled()
+    # The page begins anew when the order service sends the plant again, so the slider is moved each time.
+    jams = f"""() => {{
+      const slider = document.querySelector("nena-history-page .slider");
+      slider.value = Date.parse("{first["time"]}") + 200;
+      slider.dispatchEvent(new Event("input"));
+      return document.querySelector("nena-fleet-map").replayed?.robots.filter(({{ jam }}) => jam).length;
+    }}"""
+    await becomes(page, jams, None, lambda found: found == 1)
+    await picture(page, "whole-shift-replay")
