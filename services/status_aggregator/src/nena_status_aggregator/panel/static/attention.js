@@ -67,7 +67,7 @@ class AttentionButton extends HTMLElement {
     const [first] = open;
     document.title = open.length ? `(${open.length}) NeNa` : "NeNa";
     setAttribute(this.button, "data-urgent", first?.urgent ? "" : null);
-    const what = first && [first.subject, labelOf(first, store)].filter(Boolean).join(": ");
+    const what = first && [first.kind === "stop" ? "" : first.subject, labelOf(first, store)].filter(Boolean).join(": ");
     setText(this.button, first ? plural("attention.count", open.length, { what }) : t("attention.none"));
   }
 }
@@ -189,7 +189,8 @@ class Attention extends HTMLElement {
   }
 
   #acknowledge(pressed, result, id) {
-    if (!this.by.value.trim()) return this.by.focus();
+    this.by.value = this.by.value.trim();
+    if (!this.by.reportValidity()) return; // says that the name is missing
     return run(pressed, result, async () => (await acknowledge(id, this.by.value), ["attention.by", { by: this.by.value }]));
   }
 }

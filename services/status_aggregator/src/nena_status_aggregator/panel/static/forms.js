@@ -63,6 +63,7 @@ function show(result, level, text, details = [], errors = []) {
   result.replaceChildren(element("strong", {}, text));
   for (const each of details) result.append(" ", each);
   if (errors.length) result.append(element("ul", {}, ...errors.map((each) => foreign("li", each))));
+  result.scrollIntoView({ block: "nearest" }); // below a form it can be out of sight
 }
 
 /**

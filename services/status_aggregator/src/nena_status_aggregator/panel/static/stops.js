@@ -18,6 +18,10 @@ export function personField(session) {
   return by;
 }
 
+function firstEmpty(form) {
+  return form.querySelector(form.querySelector("[name=by]").value ? "[name=reason]" : "[name=by]");
+}
+
 function reasonField() {
   return element("input", { name: "reason", required: true, maxlength: 500 });
 }
@@ -106,7 +110,7 @@ class Stops extends HTMLElement {
     const area = kind === "area" ? new AreaFields() : null;
     this.forms.replaceChildren(...(kind ? [this.#beginForm(kind, area)] : []));
     this.dispatchEvent(new CustomEvent("form", { detail: kind }));
-    const first = kind && this.forms.querySelector(this.forms.querySelector("[name=by]").value ? "[name=reason]" : "[name=by]");
+    const first = kind && firstEmpty(this.forms);
     if (area) area.pick(first);
     else first?.focus();
   }
@@ -150,7 +154,7 @@ class Stops extends HTMLElement {
       const end = button(t("stops.end"), () => {
         form.hidden = !form.hidden;
         setAttribute(end, "aria-expanded", String(!form.hidden));
-        if (!form.hidden) form.querySelector("input").focus();
+        if (!form.hidden) firstEmpty(form).focus();
       });
       setAttribute(end, "aria-expanded", "false");
       form.hidden = true;
