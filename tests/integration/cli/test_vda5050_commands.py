@@ -144,12 +144,14 @@ def test_check_reports_errors_and_exits_with_1() -> None:
 
 
 def test_warnings_count_with_the_option() -> None:
-    refusals = str(FOLDER / "2.1.0-refusals.jsonl")
+    recorded = (FOLDER / "2.1.0-refusals.jsonl").read_text(encoding="utf-8").splitlines(keepends=True)
+    # without the order that begins 70 m from the robot, which is an error
+    refusals = "".join(line for line in recorded if "far" not in line)
 
-    assert nena("check", refusals).returncode == 0
-    assert nena("check", refusals, "--strict").returncode == 1
-    assert "1 warnings" in nena("check", refusals).stderr
-    assert nena("check", refusals, "--strict", "--topic", "+/+/+/+/state").returncode == 0
+    assert nena("check", "-", stdin=refusals).returncode == 0
+    assert nena("check", "-", "--strict", stdin=refusals).returncode == 1
+    assert "1 warnings" in nena("check", "-", stdin=refusals).stderr
+    assert nena("check", "-", "--strict", "--topic", "+/+/+/+/state", stdin=refusals).returncode == 0
 
 
 async def test_check_reads_from_a_broker(own_broker: Broker) -> None:

@@ -190,7 +190,7 @@ def test_a_deviation_beyond_a_half_turn_allows_every_heading_and_one_below_0_non
     assert [each.kind for each in repairs] == [RepairKind.CLAMPED]
 
 
-@pytest.mark.parametrize("given", [10, 180.0, -90.0])
+@pytest.mark.parametrize("given", [10, 179.0, -90.0])
 def test_deviation_beyond_a_full_turn_is_refused(order: dict[str, Any], given: float) -> None:
     order["nodes"][1]["nodePosition"]["allowedDeviationTheta"] = given
     with pytest.raises(MalformedMessageError):
