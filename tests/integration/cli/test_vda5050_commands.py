@@ -150,7 +150,7 @@ def test_warnings_count_with_the_option() -> None:
 
     assert nena("check", "-", stdin=refusals).returncode == 0
     assert nena("check", "-", "--strict", stdin=refusals).returncode == 1
-    assert "1 warnings" in nena("check", "-", stdin=refusals).stderr
+    assert "0 errors, 2 warnings" in nena("check", "-", stdin=refusals).stderr
     assert nena("check", "-", "--strict", "--topic", "+/+/+/+/state", stdin=refusals).returncode == 0
 
 
