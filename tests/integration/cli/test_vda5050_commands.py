@@ -146,11 +146,11 @@ def test_check_reports_errors_and_exits_with_1() -> None:
 def test_warnings_count_with_the_option() -> None:
     recorded = (FOLDER / "2.1.0-refusals.jsonl").read_text(encoding="utf-8").splitlines(keepends=True)
     # without the order that begins 70 m from the robot, which is an error
-    refusals = "".join(line for line in recorded if "far" not in line)
+    refusals = "".join(line for line in recorded if '"orderId\\":\\"far' not in line)
 
     assert nena("check", "-", stdin=refusals).returncode == 0
     assert nena("check", "-", "--strict", stdin=refusals).returncode == 1
-    assert "0 errors, 2 warnings" in nena("check", "-", stdin=refusals).stderr
+    assert "0 errors, 1 warnings" in nena("check", "-", stdin=refusals).stderr
     assert nena("check", "-", "--strict", "--topic", "+/+/+/+/state", stdin=refusals).returncode == 0
 
 
