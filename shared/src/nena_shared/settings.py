@@ -60,6 +60,13 @@ def _no_separator(prefix: str) -> str:
     return prefix
 
 
+def _no_port(host: str) -> str:
+    if "/" in host or host.count(":") == 1:  # an address of IPv6 has more
+        message = "must be a host name or an address alone; the port has a setting of its own"
+        raise ValueError(message)
+    return host
+
+
 TopicPrefix = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_no_separator)]
 
 
@@ -121,7 +128,9 @@ class MqttTlsSettings(SettingsGroup):
 class MqttSettings(SettingsGroup):
     """Address of the broker, and limits of the connection."""
 
-    host: str = Field("127.0.0.1", min_length=1, description="Host name or address of the MQTT broker.")
+    host: Annotated[str, AfterValidator(_no_port)] = Field(
+        "127.0.0.1", min_length=1, description="Host name or address of the MQTT broker."
+    )
     port: int = Field(1883, ge=1, le=65535, description="TCP port of the MQTT broker.")
     username: str | None = Field(None, description="User name at the broker. Unset: anonymous.")
     password: SecretStr | None = Field(None, description="Password at the broker.")
@@ -382,7 +391,7 @@ def _problems_of(error: ValidationError) -> list[str]:
 
 def _problem_text(problem: ErrorDetails) -> str:
     if problem["type"] == "extra_forbidden":
-        return "unknown setting"
+        return "unknown setting; --help lists all settings"
     if problem["type"] == "missing":
         return "required; --help lists all settings"
     return words_of(problem)

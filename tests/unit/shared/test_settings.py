@@ -139,8 +139,8 @@ def test_unknown_name_in_the_file_is_refused(toml: Path) -> None:
     toml.write_text('color = "red"\n[mqtt]\nhots = "x"\n')
 
     assert sorted(problems("--config", str(toml))) == [
-        "color: unknown setting",
-        "mqtt.hots: unknown setting",
+        "color: unknown setting; --help lists all settings",
+        "mqtt.hots: unknown setting; --help lists all settings",
     ]
 
 
@@ -152,6 +152,17 @@ def test_setting_without_a_default_is_required() -> None:
         load(Needy, [], program="needy", description="Needs a plant.")
 
     assert caught.value.problems == ("plant: required; --help lists all settings",)
+
+
+@pytest.mark.parametrize("host", ["tcp://broker", "mqtt://broker:1883", "broker:1883", "broker/"])
+def test_a_host_is_no_url(host: str) -> None:
+    (problem,) = problems("--mqtt.host", host)
+    assert problem.startswith("mqtt.host: must be a host name or an address alone")
+
+
+@pytest.mark.parametrize("host", ["broker", "10.0.0.7", "::1", "fe80::1%eth0", "broker.example.org"])
+def test_names_and_addresses_are_hosts(host: str) -> None:
+    assert read("--mqtt.host", host).mqtt.host == host
 
 
 def test_invalid_value_is_named_but_not_shown() -> None:
