@@ -193,7 +193,7 @@ async def test_a_plant_of_four_points_is_drawn_kept_activated_and_driven(  # noq
             await tool(page, "One-way path")
             await drag(page, (4, 7), (4, 5))
             [station] = (await drawn(page))["locations"]
-            assert (station["type"], station["links"]) == ("Station", [{"point": "P3"}])
+            assert (station["type"], station["links"]) == ("Stations", [{"point": "P3"}])
             await tool(page, "Select")
             await page.mouse.click(*await at(page, 8, 5))
             await page.get_by_label("Parking position").check()

@@ -128,7 +128,7 @@ def test_points_are_named_after_squares_and_rooms_without_a_door_are_told(tmp_pa
     _, proposal = proposed(tmp_path, image, name="hall-3")
     assert {"A1", "B2"} <= {point.name for point in proposal.model.points}
     assert {point.map_id for point in proposal.model.points} == {"hall-3"}
-    assert "m² cannot be reached from the largest part" in proposal.remarks[0]
+    assert "33 m² around (12.6, 5.8) cannot be reached from the largest part" in proposal.remarks[0]
 
 
 def test_map_without_room_for_the_robot_is_refused(tmp_path: Path) -> None:
@@ -142,3 +142,34 @@ def test_parking_positions_leave_the_tracks_free(tmp_path: Path) -> None:
     assert len(parking) == len(proposal.parking) >= 3
     for point in parking:
         assert sum(path.destination == point.name for path in proposal.model.paths) == 1
+
+
+def rough_office(seed: int, rough: float, specks: float) -> Pixels:
+    """Return rooms in a ring of corridors; shares of the cells at walls and of others are occupied."""
+    image, random = hall(30, 18), np.random.default_rng(seed)
+    block(image, 4, 4, 24, 12)
+    for number in range(4):
+        for y, door in ((4.2, 4), (10.2, 15.7)):
+            block(image, 4.2 + 5.9 * number, y, 5.7, 5.6, 254)
+            block(image, 6.5 + 5.9 * number, door, 1, 0.4, 254)
+    edge = ndimage.binary_dilation(image == 0) & (image == 254)
+    image[edge & (random.random(image.shape) < rough)] = 0
+    image[(image == 254) & (random.random(image.shape) < specks)] = 0
+    return image
+
+
+@pytest.mark.parametrize("seed", [0, 5])
+def test_points_of_a_rough_map_are_apart(tmp_path: Path, seed: int) -> None:
+    _, proposal = proposed(tmp_path, rough_office(seed, 0.2, 0.0003))
+    places = np.array([(point.x_m, point.y_m) for point in proposal.model.points])
+    assert cKDTree(places).query(places, k=2)[0][:, 1].min() > 0.2
+
+
+@pytest.mark.parametrize("seed", [0, 4])
+def test_nobody_drives_through_a_parking_position(tmp_path: Path, seed: int) -> None:
+    _, proposal = proposed(tmp_path, rough_office(seed, 0.1, 0.001))
+    parking = {point.name for point in proposal.parking}
+    for place in parking:
+        neighbours = {path.destination for path in proposal.model.paths if path.source == place}
+        assert len(neighbours) == 1
+        assert not neighbours & parking

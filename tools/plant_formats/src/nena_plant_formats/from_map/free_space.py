@@ -51,8 +51,15 @@ class FreeSpace:
         sizes = np.bincount(parts.ravel(), minlength=count + 1)[1:]
         self.area = int(sizes.max(initial=0))
         """Number of cells of the largest connected part, which is the drivable one."""
-        self.other_area = int(sizes.sum()) - self.area
-        self.drivable: NDArray[np.bool_] = parts == (int(sizes.argmax()) + 1 if count else -1)
+        largest = int(sizes.argmax()) + 1 if count else -1
+        self.drivable: NDArray[np.bool_] = parts == largest
+        others = [each for each in range(1, count + 1) if each != largest]
+        roomiest = ndimage.maximum_position(self.distance, parts, others)
+        self.other_parts = [
+            (int(sizes[part - 1]), np.array(place[::-1], dtype=float))
+            for part, place in zip(others, roomiest, strict=True)
+        ]
+        """The other connected parts: the number of cells, and the place with most room."""
 
     def is_drivable(self, points: Cells) -> NDArray[np.bool_]:
         """Return for each place whether the middle of a robot may be there."""

@@ -103,6 +103,7 @@ def build_network(space: FreeSpace, spacing: float, cover: float) -> Network:
             break
         _link_neighbours(network, spacing)
         _join_parts(network)
+        _merge_near(network, space.length / 2)
     return network
 
 
@@ -156,7 +157,17 @@ def _link(network: Network, first: int, second: int, between: Cells) -> None:
     if network.space.sees(network.places[first], network.places[second]):
         network.add_track(first, second)
     elif all(network.space.sees(network.places[each], between) for each in (first, second)):
-        middle = network.add_place(between)
+        # Several walks may meet around one corner.
+        near = np.hypot(*(np.array(network.places) - between).T)
+        ends = (network.places[first], network.places[second])
+        known = (
+            int(at)
+            for at in np.flatnonzero(near <= network.space.length / 2)
+            if at not in {first, second} and all(network.space.sees(network.places[at], end) for end in ends)
+        )
+        middle = next(known, None)
+        if middle is None:
+            middle = network.add_place(between)
         network.add_track(first, middle)
         network.add_track(middle, second)
 
@@ -238,8 +249,9 @@ def _merge_near(network: Network, length: float) -> None:
     lengths = {
         (a, b): float(np.hypot(*(network.places[a] - network.places[b]))) for a, b in network.drives if a < b
     }
-    for kept, dropped in sorted(lengths, key=lambda drive: lengths[drive]):
-        if lengths[kept, dropped] >= length or merged & {kept, dropped}:
+    pairs = sorted((drive for drive in lengths if lengths[drive] < length), key=lambda drive: lengths[drive])
+    for kept, dropped in (ends for pair in pairs for ends in (pair, pair[::-1])):
+        if merged & {kept, dropped}:
             continue
         others = near[dropped] - {kept}
         if all(network.space.sees(network.places[kept], network.places[other]) for other in others):

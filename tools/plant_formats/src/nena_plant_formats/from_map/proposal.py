@@ -30,6 +30,8 @@ PASSING_AFTER: Final = 4
 """Longest track without a passing place, in spacings."""
 SQUARE: Final = 5.0
 """Side of the squares after which points are named, as on a city map, m."""
+WORTH_TELLING: Final = 1.0
+"""Smallest part without paths that a person is told of, m²."""
 PARKING_PLACES: Final = 12
 """Maximum number of parking positions beside the tracks."""
 
@@ -65,10 +67,17 @@ def propose_plant(
         )
         raise RobotMapError(message)
     network = build_network(space, spacing / cell, COVER / cell)
-    remarks = []
-    if space.other_area:
-        part = space.other_area * cell**2
-        remarks.append(f"{part:.0f} m² cannot be reached from the largest part, and have no paths")
+
+    def where(place: Cells) -> str:
+        x, y = robot_map.to_plane(place[None])[0]
+        return f"({x:.1f}, {y:.1f})"
+
+    remarks = [
+        f"{part * cell**2:.0f} m² around {where(place)} cannot be reached from the largest part, and have no "
+        "paths: a wall, or single occupied cells in a door"
+        for part, place in sorted(space.other_parts, key=lambda each: -each[0])
+        if part * cell**2 >= WORTH_TELLING
+    ]
     chains = list(_chains(network))
     shortest, longest_ring = (spacings * spacing / cell for spacings in (PAIR_FROM, RING_TO))
     pairs = sum([_part_directions(network, chain, shortest, longest_ring) for chain in chains])
@@ -80,13 +89,15 @@ def propose_plant(
         added = _add_passing_places(network, chain, PASSING_AFTER * spacing / cell)
         passing |= set(added)
         if not added:
-            x, y = robot_map.to_plane(network.places[chain[len(chain) // 2]][None])[0]
-            where = f"the track of {length * cell:.0f} m around ({x:.1f}, {y:.1f})"
-            remarks.append(f"{where} has no room for two robots to pass")
+            track = (
+                f"the track of {length * cell:.0f} m around {where(network.places[chain[len(chain) // 2]])}"
+            )
+            remarks.append(f"{track} has no room for two robots to pass")
     parking = _add_parking(network, spacing / cell)
     tight = [at for at, near in network.neighbours().items() if len(near) == 1 and at not in parking]
     if tight:
-        remarks.append(f"at {len(tight)} dead ends a robot of {size.length} m has no room to turn")
+        ends = ", ".join(where(network.places[at]) for at in tight)
+        remarks.append(f"at {len(tight)} dead ends a robot of {size.length} m has no room to turn: {ends}")
     model = _model_of(network, robot_map, parking, speed, vehicles)
     stands = tuple(point for point in model.points if point.type is PointType.PARK_POSITION)
     return Proposal(model, space.area * cell**2, pairs, len(passing), stands, tuple(remarks))
@@ -185,9 +196,8 @@ def _add_parking(network: Network, spacing: float) -> set[int]:
     known = len(network.places)
     for place in (each[::-1].astype(float) for each in found[:PARKING_PLACES]):
         nearest = np.hypot(*(np.array(network.places[:known]) - place).T).argsort()[:PASSING_AFTER]
-        if (
-            joined := next((int(at) for at in nearest if space.sees(network.places[at], place)), None)
-        ) is not None:
+        seen = (int(at) for at in nearest if at not in parking and space.sees(network.places[at], place))
+        if (joined := next(seen, None)) is not None:
             parking.add(network.add_place(place))
             network.add_track(joined, len(network.places) - 1)
     return parking

@@ -76,10 +76,11 @@ export function outcome(answer, done, values) {
   return [`command.${answer.status}`, values, reasonElement("span", answer), ...result.flatMap((each) => ["–", each])];
 }
 
-/** Fields for a point or location and one of its operations. `destination`: what they show at first. */
+/** Fields for a point or location and one of its operations. `destination`: what they show at first; `before`: the fields of the place before. */
 export class PlaceFields {
-  constructor(plant, destination = {}) {
+  constructor(plant, destination = {}, before = null) {
     this.plant = plant;
+    this.before = before;
     this.first = destination;
     this.place = select(placeOptions(plant.model), { name: "place", required: true });
     this.operation = select([], { name: "operation" });
@@ -109,8 +110,12 @@ export class PlaceFields {
     this.place.dispatchEvent(new Event("input", { bubbles: true }));
   }
 
+  // What is loaded at one station is unloaded at the next.
   #showOperations() {
-    refillSelect(this.operation, this.plant.operationsAt(this.place.value).map(operation));
+    const names = this.plant.operationsAt(this.place.value);
+    refillSelect(this.operation, names.map(operation));
+    const before = this.before?.destination.operation;
+    if (this.operation.value === before && !this.isPoint) this.operation.value = names.find((name) => name !== before) ?? before;
   }
 }
 
@@ -133,7 +138,7 @@ export class StopFields {
   // One without a place, such as a coordinate, can only be kept or removed.
   #add(destination) {
     const kept = destination.coordinate && { destination, element: element("span", {}, t("dispatch.coordinate")) };
-    const stop = kept || new PlaceFields(this.plant, destination);
+    const stop = kept || new PlaceFields(this.plant, destination, this.#stops.at(-1));
     const remove = button(t("orderForm.removeStop"), () => {
       if (this.#stops.length === 1) return;
       this.#stops = this.#stops.filter((each) => each !== stop);

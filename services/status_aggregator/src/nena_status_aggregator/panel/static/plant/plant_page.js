@@ -15,7 +15,8 @@ import { DraftSaver } from "./saving.js";
 const TOOLS = ["select", "point", "oneWay", "twoWay", "location", "ruler"];
 const GRIDS = [0, 0.1, 0.25, 0.5, 1, 2];
 const FORMATS = { nena: "NeNa JSON", opentcs: "openTCS XML", lif: "LIF 1.0", lif2: "LIF 2.0", "nav2-route": "Nav2 GeoJSON" };
-const STATIONS = { Station: ["Load cargo", "Unload cargo"], Charger: ["Charge"] };
+// Types of locations, named so that a station can have the singular.
+const STATIONS = { Stations: ["Load cargo", "Unload cargo"], Chargers: ["Charge"] };
 const SHOWN = 200; // differences and findings
 const MM = 1000;
 const DEGREES = 180 / Math.PI;
