@@ -263,7 +263,7 @@ async def test_chain_of_causes_links_robots(hall: Hall, browser: Browser) -> Non
             await expect(causes).to_have_count(3)
             await expect(causes.nth(0)).to_contain_text("In progress.")
             await expect(causes.nth(1)).to_have_text(
-                "Vehicle Vehicle-1 \u2013 Waiting at South 1 until South 2 is released."
+                "Robot Vehicle-1 \u2013 Waiting at South 1 until South 2 is released."
             )
             await expect(causes.nth(2)).to_contain_text("Position lost: Not localised")
             await expect(causes.nth(2)).to_contain_text("Use Set position")

@@ -499,7 +499,7 @@ async def test_reasons_of_the_order_service_are_in_the_language_of_the_panel(
             )
             assert answer.status_code == 201
         await is_in_german("first", "Roboter Robot-01 fährt zum Ziel 1 von 1", "einziger freier Roboter")
-        await is_in_german("second", "jedes davon: nie verbunden oder führt einen anderen Auftrag aus")
+        await is_in_german("second", "jeder davon: nie verbunden oder führt einen anderen Auftrag aus")
         await button(page, "Anhalten").click()
         await is_in_german("second", "am Leitstand angehalten")
         await picture(page, "held-order-german")
@@ -537,7 +537,7 @@ async def test_panel_is_read_only_without_an_order_service(
             async with opened(browser, "about:blank") as page:
                 await reach(page, f"http://127.0.0.1:{port}/{ROBOT}")
                 await expect(button(page, "Pause")).to_be_hidden()
-                await expect(page.get_by_text("Commands are disabled")).to_be_visible()
+                await expect(page.get_by_text("This page only shows")).to_be_visible()
 
 
 async def reach(page: Page, url: str) -> None:

@@ -311,7 +311,7 @@ async def test_orders_of_several_robots_are_cancelled_and_the_robots_parked(
                 await page.get_by_role("checkbox", name=f"Select {name}").check()
             await page.get_by_role("button", name="Cancel orders …").click()
             question = page.locator("nena-fleet-commands .question")
-            await expect(question).to_contain_text("their orders end as failed")
+            await expect(question).to_contain_text("their orders end as withdrawn")
             await expect(question.get_by_role("listitem")).to_have_text(
                 [re.compile("^AMR-05, WMS-041: "), "Without an order: AMR-01"]
             )

@@ -171,4 +171,6 @@ async def test_devices_of_a_stopped_order_service_are_greyed_and_hidden_once_cle
             hall.peer.publish(topic, b"", retain=True)
         await expect(tab).to_be_hidden()
         await page.goto(f"{hall.url}#/?tab=peripherals")
-        await expect(page.locator("nena-peripheral-table")).to_contain_text("engine.peripherals.enabled")
+        await expect(page.locator("nena-peripheral-table")).to_contain_text(
+            "switch them on in the order service"
+        )
