@@ -31,7 +31,7 @@ async def test_empty_page_has_advice(hall: Hall, browser: Browser) -> None:
     async with hall.connected(), opened(browser, hall.url) as page:
         await expect(page.get_by_text("No plant model yet")).to_be_visible()
         await expect(page.get_by_text("No robots yet")).to_be_visible()
-        await expect(page.get_by_text("Start an edge agent on the same broker")).to_be_visible()
+        await expect(page.get_by_text("Robots appear once they report to the MQTT broker")).to_be_visible()
         await page.get_by_role("tab", name="Orders").click()
         await expect(page.get_by_text("No transport orders yet")).to_be_visible()
         await expect(page.locator("nena-link-banner")).to_be_hidden()

@@ -14,14 +14,14 @@ import pytest
 from defusedxml import ElementTree
 
 from nena_conversations.broker import BrokerAddress
-from nena_conversations.kit import report
+from nena_conversations.kit import report, run
 from nena_conversations.kit.clause import Outcome, Verdict
 from nena_conversations.kit.robot_clauses import ROBOT_CLAUSES
-from nena_conversations.kit.run import RobotUnderTest, judge_robot
+from nena_conversations.kit.run import RobotUnderTest, first_state, judge_robot
 from nena_conversations.kit.session import Person
 from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
-from nena_shared.vda5050.versions import codec_named
+from nena_shared.vda5050.versions import codec_named, topics_for
 from support.broker import Broker, MqttPeer
 from support.edge_agent import MANUFACTURER, SERIAL, AgentProcess
 from support.mutant_robot import Change, Message, mutant
@@ -54,6 +54,7 @@ async def judged(
     *,
     plan: bool = True,
     person: Person | None = None,
+    action: str = "pick",
     **changes: Any,
 ) -> dict[str, Verdict]:
     """Judge the agent with changed messages by some of the clauses, and by what the checker sees."""
@@ -64,7 +65,7 @@ async def judged(
     address = BrokerAddress(MqttSettings(host=broker.host, port=broker.port), ())
     name = f"mutant{uuid4().hex[:6]}"
     async with mutant(broker, interface, name, ROBOT, codec, **changes) as topics:
-        tested = RobotUnderTest(ROBOT, topics, codec, PLAN if plan else ())
+        tested = RobotUnderTest(ROBOT, topics, codec, PLAN if plan else (), action)
         verdicts, _ = await judge_robot(
             address,
             tested,
@@ -614,3 +615,23 @@ def test_honest_robot_passes_all_clauses_and_the_reports_say_so(
     assert "order/accept" in page
     assert "http" not in page
     assert nena("vda5050", "check", str(tmp_path / "messages.jsonl")).returncode in (0, 1)
+
+
+async def test_a_robot_is_looked_for_before_it_is_judged(
+    agent: tuple[Broker, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broker, interface = agent
+    codec = codec_named(VERSION)
+    address = BrokerAddress(MqttSettings(host=broker.host, port=broker.port), ())
+    topics = topics_for(VERSION, interface)
+    there = await first_state(address, RobotUnderTest(ROBOT, topics, codec, ()), "test-there")
+    assert there is not None
+    assert there.version == VERSION
+    monkeypatch.setattr(run, "FIRST_STATE_WITHIN", 0.5)
+    absent = RobotUnderTest(RobotKey("ACME", "absent"), topics, codec, ())
+    assert await first_state(address, absent, "test-absent") is None
+
+
+async def test_no_action_is_done_that_nobody_has_named(agent: tuple[Broker, str]) -> None:
+    verdicts = await judged(agent, ("order/action",), action="")
+    assert verdicts["order/action"].outcome is Outcome.NOT_APPLICABLE

@@ -29,7 +29,7 @@ from nena_conversations.kit.clause import Clause, ClauseFailedError, Verdict
 from nena_conversations.kit.fleet_clauses import FLEET_CLAUSES
 from nena_conversations.kit.fleet_run import ORDER_WITHIN, PACE, WATCH, PlayedSetup, judge_fleet
 from nena_conversations.kit.fleet_session import Ask, Wanted
-from nena_conversations.kit.run import RobotUnderTest, first_position, judge_robot
+from nena_conversations.kit.run import RobotUnderTest, first_state, judge_robot
 from nena_conversations.kit.session import ANSWER_WITHIN
 from nena_conversations.message import Sender
 from nena_conversations.recording import Entry, RecordingError, append, new_file, read, read_file
@@ -39,7 +39,7 @@ from nena_shared import log
 from nena_shared.clock import iso
 from nena_shared.settings import ConfigurationError, LogSettings, MqttTlsSettings
 from nena_shared.tasks import TaskFailedError, stop_on_signals
-from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.versions import UnknownVersionError, codec_named, topics_for
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=PLAIN)
@@ -232,6 +232,10 @@ def judge(
         float | None, typer.Option(min=1, max=20, help="Instead: drive within this square around it, m.")
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Drive without asking first.")] = False,
+    action: Annotated[
+        str,
+        typer.Option(metavar="TYPE", help="Action for one node, without parameters. It is done for real."),
+    ] = "",
     person: Annotated[
         bool, typer.Option("--person", help="Ask for what needs a person at the robot, on the terminal.")
     ] = False,
@@ -260,16 +264,29 @@ def judge(
         address = broker.parse_address(url, username=username, password_file=password_file, tls=ctx.obj)
         topics = topics_for(codec.version, interface)
         tested = RobotUnderTest(
-            RobotKey(manufacturer, serial), topics, codec, tuple(map(_place_of, place or ()))
+            RobotKey(manufacturer, serial), topics, codec, tuple(map(_place_of, place or ())), action
         )
+        state = asyncio.run(first_state(address, tested, client_id))
+        if state is None:
+            topic = topics.of(tested.robot, Topic.STATE)
+            fail(
+                f"{robot} has sent no state on {topic}: is it on? Compare its name, --version and --interface"
+            )
+        if state.version != codec.version:
+            echo(f"nena: {robot} says version {state.version}, and is judged by {codec.version}")
         if square is not None:
-            x, y = asyncio.run(first_position(address, tested, client_id))
+            if state.mobile_robot_position is None:
+                fail(f"{robot} sends no position, so there is no square around it: localise it first")
+            x, y = state.mobile_robot_position.x, state.mobile_robot_position.y
             half = square / 2
             tested = replace(tested, plan=((x, y), (x + half, y), (x + half, y + half)))
         if tested.plan and not yes:
             where = ", then ".join(f"({x:.2f}, {y:.2f})" for x, y in tested.plan)
             question = f"{robot} will drive between {where}, without looking for people. Go on?"
-            typer.confirm(question, abort=True)
+            try:
+                typer.confirm(question, abort=True)
+            except typer.Abort:
+                fail("not started: nobody has agreed to the drives; --yes does")
         verdicts, entries = asyncio.run(
             judge_robot(
                 address,

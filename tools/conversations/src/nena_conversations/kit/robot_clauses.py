@@ -211,24 +211,17 @@ async def _repeated_order_is_ignored(robot: RobotSession) -> None:
 
 @_clause("order/action", "An action of a node runs once, and its state stays", ("6.11", "6.6.9"))
 async def _node_action_runs(robot: RobotSession) -> None:
-    factsheet = await robot.factsheet()
-    simple = [
-        each.action_type
-        for each in factsheet.protocol_features.mobile_robot_actions
-        if ActionScope.NODE in each.action_scopes
-        and not any(not each.is_optional for each in each.action_parameters or ())
-    ]
-    if not simple:
-        message = "the factsheet lists no action for nodes without parameters"
+    if not robot.action:
+        message = "an action may move something: name one for nodes, without parameters, with --action"
         raise NotApplicableError(message)
     order_id = new_id()
-    action = Action(action_type=simple[0], action_id=f"{order_id}-a", blocking_type=BlockingType.HARD)
+    action = Action(action_type=robot.action, action_id=f"{order_id}-a", blocking_type=BlockingType.HARD)
     await robot.accepted(robot.order(order_id, 0, [robot.here(actions=(action,))]))
     await robot.state(
         lambda state: any(
             each.action_id == action.action_id and each.action_status.ended for each in state.action_states
         ),
-        f"the end of action {action.action_type!r}",
+        f"the end of action {robot.action!r}",
         robot.drive_within,
     )
 

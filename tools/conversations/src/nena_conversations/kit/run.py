@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
 from nena_conversations.broker import BrokerAddress, connect_broker
-from nena_conversations.kit.clause import Clause, Verdict
+from nena_conversations.kit.clause import Clause, ClauseFailedError, Verdict
 from nena_conversations.kit.engine import OF_EACH_TOPIC, Watched, try_clause, watched_verdict
 from nena_conversations.kit.robot_clauses import ROBOT_CLAUSES
 from nena_conversations.kit.session import ANSWER_WITHIN, Person, Place, RobotSession
 from nena_conversations.recording import Entry
 from nena_conversations.rules import Rule
 from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 
 FIRST_STATE_WITHIN: Final = 31.0
@@ -45,6 +47,8 @@ class RobotUnderTest:
     codec: Codec
     plan: tuple[Place, ...]
     """Places to which it may drive; empty: it does not move."""
+    action: str = ""
+    """Type of an action that it may do at a node; empty: none."""
 
 
 async def judge_robot(
@@ -76,6 +80,7 @@ async def judge_robot(
             tested.robot,
             tested.codec,
             plan=tested.plan,
+            action=tested.action,
             answer_within=answer_within,
             person=person,
         )
@@ -102,10 +107,11 @@ def _seen_by_checker(session: RobotSession, version: str) -> Iterator[Verdict]:
         yield from watched_verdict(Watched(rule, title), version, found, entries)
 
 
-async def first_position(address: BrokerAddress, tested: RobotUnderTest, client_id: str) -> Place:
-    """Return where the robot stands; raises ClauseFailedError and BrokerError."""
+async def first_state(address: BrokerAddress, tested: RobotUnderTest, client_id: str) -> State | None:
+    """Return the robot's first state, None if none comes; raises BrokerError."""
     async with connect_broker(address, client_id) as link:
         session = RobotSession(link, tested.topics, tested.robot, tested.codec)
-        what = "a state with a position"
-        await session.state(lambda state: state.mobile_robot_position, what, FIRST_STATE_WITHIN)
-        return session.stand
+        session.send_instant("stateRequest")
+        with suppress(ClauseFailedError):
+            return await session.state(lambda _: True, "a state", FIRST_STATE_WITHIN)
+    return None

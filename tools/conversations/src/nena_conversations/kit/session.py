@@ -133,6 +133,7 @@ class RobotSession(Listener):
         codec: Codec,
         *,
         plan: Sequence[Place] = (),
+        action: str = "",
         answer_within: float = ANSWER_WITHIN,
         person: Person | None = None,
     ) -> None:
@@ -141,6 +142,8 @@ class RobotSession(Listener):
         self.robot = robot
         self.plan = plan
         """Places to which the robot may drive; the first is nearest to it."""
+        self.action = action
+        """Type of an action for nodes that somebody has chosen, or empty."""
         self.answer_within = answer_within
         self.drive_within = DRIVES * answer_within
         """Time for a drive between two places of the plan, seconds."""
