@@ -599,7 +599,17 @@ def test_honest_robot_passes_all_clauses_and_the_reports_say_so(
     with AgentProcess(broker, interface_name, tmp_path / "journal", *options):
         done = nena(
             *("vda5050", "test", "robot", f"mqtt://{broker.host}:{broker.port}", str(ROBOT)),
-            *("--version", version, "--interface", interface_name, "--square", "4", "--yes"),
+            *(
+                "--version",
+                version,
+                "--interface",
+                interface_name,
+                "--square",
+                "4",
+                "--yes",
+                "--action",
+                "pick",
+            ),
             *(text for kind, path in reports.items() for text in (f"--{kind}", str(path))),
             *("--recording", str(tmp_path / "messages.jsonl")),
         )
