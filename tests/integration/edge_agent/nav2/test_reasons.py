@@ -44,17 +44,19 @@ async def test_recoveries_are_reported_while_they_run(bench: Bench) -> None:
 
 
 async def test_agent_that_starts_during_a_collision_stop_says_that_it_cannot_know(bench: Bench) -> None:
-    stopped = '[{"kind": "collision_stop", "polygon": "PolygonFront"}]'
-    with bench.simulator("--faults", stopped, time_factor=1.0):
+    with bench.simulator(time_factor=1.0):
         async with bench.agent() as fleet:
             await fleet.state(ready)
-            assert not unknown_stop(fleet.states[-1]), "without an order nobody asks why it stands"
             fleet.send(order("n0", "n1", positions={"n1": position(20.0)}))
-            state = await fleet.state(unknown_stop)
-            assert not entry(state, "COLLISION_STOP")
+            await bench.moves()
+            bench.fault("collision_stop", polygon="PolygonFront")
+            await fleet.state(lambda state: entry(state, "COLLISION_STOP"))
+        before = len(fleet.states)
+        async with bench.agent() as fleet:
+            await until(lambda: any(map(unknown_stop, fleet.states[before:])), what="word of the unknown")
+            assert not any(entry(state, "COLLISION_STOP") for state in fleet.states[before:])
             bench.fault("collision_stop", polygon="PolygonRear")
-            state = await fleet.state(lambda state: entry(state, "COLLISION_STOP"))
-            assert "'PolygonRear'" in entry(state, "COLLISION_STOP")["errorDescription"]
+            state = await fleet.state(lambda state: "'PolygonRear'" in str(entry(state, "COLLISION_STOP")))
             assert not unknown_stop(state)
             bench.fault("collision_stop", active=False)
             await bench.moves()
