@@ -22,6 +22,7 @@ from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.state import EmergencyStop, State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+from support.pausing import time_passes
 
 Message = dict[str, Any]
 TICK = 0.02
@@ -62,7 +63,7 @@ class SmallFleet:
 
     async def run(self) -> None:
         while True:
-            await asyncio.sleep(TICK)
+            await time_passes(TICK)
             self.think()
 
     def think(self) -> None:

@@ -25,6 +25,7 @@ from support.broker import free_port
 from support.fleet_examples import connection, state, vehicle_status
 from support.matters import OWN, SERVICES, Condition, emergency, heartbeat, key_of
 from support.panel import Hall, findings, opened, picture, seconds_now
+from support.pausing import time_passes
 from support.waiting import awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -71,7 +72,7 @@ class HallSite:
 
         async def beat() -> None:
             while True:
-                await asyncio.sleep(1)
+                await time_passes(1)
                 if self._beat is not None:
                     self.service(**self._beat)
 
