@@ -66,6 +66,7 @@ async def _orders_have_their_own_ids(fleet: FleetSession) -> None:
 )
 async def _confirmed_order_is_left_alone(fleet: FleetSession) -> None:
     order = await fleet.driving()
+    await fleet.settle()  # the state and a repeated order may cross
     first = len(fleet.player.orders)
 
     def is_repeated() -> bool:
