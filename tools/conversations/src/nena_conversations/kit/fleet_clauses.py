@@ -6,9 +6,8 @@ from collections.abc import Callable
 from typing import Final
 
 from nena_conversations.kit.clause import ClauseFailedError, Clauses, NotApplicableError, Strength, require
-from nena_conversations.kit.fleet_session import FleetSession, Wanted
+from nena_conversations.kit.fleet_session import FleetSession, Wanted, content_of
 from nena_conversations.kit.played_robot import PlayedRobot
-from nena_conversations.orders import HEADER
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.state import OperatingMode
@@ -20,10 +19,6 @@ PER_SECOND: Final = 2.0
 
 FLEET_CLAUSES: Final[Clauses[FleetSession]] = Clauses()
 _clause = FLEET_CLAUSES.add
-
-
-def _content(order: Order) -> str:
-    return order.model_dump_json(exclude=set(HEADER), exclude_none=True)
 
 
 def _others(fleet: FleetSession, first: int, order: Order) -> list[str]:
@@ -94,7 +89,7 @@ async def _repeated_order_is_the_same(fleet: FleetSession) -> None:
         raise NotApplicableError(message)
     require(not _others(fleet, first, order), "another order follows one that the robot did not confirm")
     for each in fleet.sent_since(first):
-        same = each.order_update_id != order.order_update_id or _content(each) == _content(order)
+        same = each.order_update_id != order.order_update_id or content_of(each) == content_of(order)
         require(same, f"update {each.order_update_id} is sent again with another content")
 
 
@@ -283,7 +278,7 @@ async def _order_is_not_changed_by_a_lost_link(fleet: FleetSession) -> None:
     await _lose_link(fleet)
     await fleet.never(
         lambda: any(
-            each.order_update_id <= order.order_update_id and _content(each) != _content(order)
+            each.order_update_id <= order.order_update_id and content_of(each) != content_of(order)
             for each in fleet.sent_since(first)
             if each.order_id == order.order_id
         ),

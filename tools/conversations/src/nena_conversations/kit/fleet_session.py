@@ -13,6 +13,7 @@ from nena_conversations.kit.clause import ClauseFailedError, NotApplicableError
 from nena_conversations.kit.played_robot import PlayedRobot
 from nena_conversations.kit.session import KEPT, Listener
 from nena_conversations.message import Sender, sender_of
+from nena_conversations.orders import HEADER
 from nena_conversations.recording import Entry
 from nena_conversations.rules import Rule
 from nena_shared.mqtt import Inbound, MqttLink
@@ -40,6 +41,11 @@ class Wanted(StrEnum):
 
 Ask = Callable[[Wanted, RobotKey], Awaitable[None]]
 """Asks the fleet control for something for a robot; it may return before it is done."""
+
+
+def content_of(order: Order) -> str:
+    """Return an order without its header, to compare it."""
+    return order.model_dump_json(exclude=set(HEADER), exclude_none=True)
 
 
 class FleetSession(Listener):
@@ -110,17 +116,21 @@ class FleetSession(Listener):
     async def ordered(self, *, accept: Callable[[Order], Any] = bool, ask: bool = True) -> Order:
         """Wait for an order to the robot, after asking for one; return it.
 
+        The last one that comes again, late, is not taken for it.
+
         Raises:
             NotApplicableError: none came.
 
         """
         first = len(self.player.orders)
+        last = [content_of(order) for _, order in self.player.orders[-1:]]
         if ask:
             await self.ask(Wanted.ORDER)
         found: list[Order] = []
 
         def look() -> bool:
-            found.extend(order for _, order in self.player.orders[first:] if accept(order))
+            new = (each for each in self.sent_since(first) if content_of(each) not in last)
+            found.extend(each for each in new if accept(each))
             return bool(found)
 
         if not await self.came_true(look, self.answer_within):
