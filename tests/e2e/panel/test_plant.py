@@ -550,3 +550,61 @@ async def test_from_a_map_to_ten_orders_without_a_file_edited_by_hand(
                 ]
 
             await awaited(ended, lambda names: len(names) == 10, what="ten finished orders")
+
+
+PIXEL = """([x, y]) => {
+  const { canvas, view } = document.querySelector("nena-draft-canvas");
+  const [px, py] = view.toScreen(x, y).map((each) => Math.round(each * devicePixelRatio));
+  return [...canvas.getContext("2d").getImageData(px, py, 1, 1).data].join();
+}"""
+
+
+async def test_blocks_and_robots_are_made_changed_and_removed(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        site(broker, interface_name, tmp_path) as made,
+        drawing(browser, made, "blocks", "active") as page,
+    ):
+        model = await drawn(page)
+        blocks = page.get_by_role("region", name="Blocks")
+        make = blocks.get_by_role("button", name="Make a block of what is selected")
+        await expect(make).to_be_disabled()
+        row = sorted((each for each in model["points"] if each["yMm"] == 2000), key=lambda each: each["xMm"])
+        left, right = row[0]["xMm"] / 1000, row[1]["xMm"] / 1000
+        beside = [left * 0.7 + right * 0.3, 2.12]
+        before = await page.evaluate(PIXEL, beside)
+        await drag_area(page, (left - 0.5, 1.5), (right + 0.5, 2.5))
+        await page.locator(CANVAS).press("b")
+        block = (await drawn(page))["blocks"][-1]
+        ends = {row[0]["name"], row[1]["name"]}
+        between = {each["name"] for each in model["paths"] if {each["source"], each["destination"]} == ends}
+        assert between
+        assert set(block["members"]) == ends | between, "with the paths between the selected points"
+        await becomes(page, PIXEL, beside, lambda colour: colour != before)
+        form = blocks.locator(f"li[data-name='{block['name']}']")
+        await form.get_by_label("Rule").select_option(label="several robots, in one direction at a time")
+        await form.get_by_label("Name", exact=True).fill("Gate")
+        await form.get_by_label("Name", exact=True).press("Enter")
+        await expect(page.locator(SAVED)).to_be_visible()
+        await page.mouse.click(*await at(page, row[2]["xMm"] / 1000, 2.0))
+        form = blocks.locator("li[data-name='Gate']")
+        await form.get_by_role("button", name="Replace them by what is selected").click()
+        gate = (await drawn(page))["blocks"][-1]
+        assert (gate["name"], gate["type"]) == ("Gate", "SAME_DIRECTION_ONLY")
+        assert gate["members"] == [row[2]["name"]]
+        await page.locator(CANVAS).press("Escape")
+        for _ in range(2):  # closes its form, and opens it again
+            await form.get_by_role("button", name="Gate", exact=True).click()
+        await expect(page.get_by_role("region", name="Selected")).to_contain_text(row[2]["name"])
+        assert await findings(page) == []
+        await picture(page, "plant-block")
+        await form.get_by_role("button", name="Remove Gate").click()
+        assert (await drawn(page))["blocks"] == model.get("blocks", [])
+        robots = page.get_by_role("region", name="Robots of the plant")
+        await robots.get_by_role("button", name="Robot-01", exact=True).click()
+        await robots.get_by_label("Length in m").fill("1.25")
+        await robots.get_by_label("Length in m").press("Enter")
+        vehicle = next(each for each in (await drawn(page))["vehicles"] if each["name"] == "Robot-01")
+        assert vehicle["boundingBox"]["lengthMm"] == 1250
+        await expect(page.locator(SAVED)).to_be_visible()

@@ -26,6 +26,14 @@ export function refill(node, content, make) {
   node.replaceChildren(...make(content));
 }
 
+/** Replace the children of an element; a control that has the focus passes it to the one in its place. */
+export function renew(node, children) {
+  const controls = () => [...node.querySelectorAll("input, textarea, select, button")];
+  const focused = controls().indexOf(document.activeElement);
+  node.replaceChildren(...children);
+  if (focused >= 0) controls()[focused]?.focus({ preventScroll: true });
+}
+
 /** Create an element with a text of another program, which is always English. */
 export function foreign(name, text, attributes = {}) {
   return element(name, { lang: "en", translate: "no", ...attributes }, text ?? "");

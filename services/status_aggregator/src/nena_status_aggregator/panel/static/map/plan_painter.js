@@ -212,8 +212,8 @@ function labelNames(labels, view, plan, layers) {
   if (layers.blocks) for (const each of plan.blocks.filter((block) => !block.empty)) put(each, 32, false);
 }
 
-// A single stroke, so that overlapping parts keep one opacity.
-function paintBlock(context, view, block, colours) {
+/** Paint a block, `{colour, corners, lines}`, in a single stroke, so that overlapping parts keep one opacity. */
+export function paintBlock(context, view, block, colours) {
   context.save();
   context.globalAlpha = 0.28;
   context.strokeStyle = block.colour || colours.accent;

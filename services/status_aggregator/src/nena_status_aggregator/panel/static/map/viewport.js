@@ -71,9 +71,9 @@ export class Viewport {
     this.pan(this.width / 2 - px, this.height / 2 - py);
   }
 
-  /** Centre a position, near enough to tell it from its neighbours. */
-  reveal(x, y) {
-    if (this.scale < CLOSE) this.zoom(CLOSE / this.scale);
+  /** Centre a position, near enough (pixels per metre) to tell it from its neighbours. */
+  reveal(x, y, close = CLOSE) {
+    if (this.scale < close) this.zoom(close / this.scale);
     this.centre(x, y);
   }
 }

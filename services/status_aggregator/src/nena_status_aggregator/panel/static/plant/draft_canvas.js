@@ -16,9 +16,10 @@ const PAN = 60; // px
 const FINE = 0.1; // m, steps of the arrow keys without a grid
 const ROOM = 12; // m, the least that is shown
 const BESIDE = 1; // m, a point that is added by key
+const NAMED = 14; // px per m, from which names are shown
 
 /**
- * Fires `edit` with the changed model and the names to select, `selected` with names, `undo` and `redo`. Set `tool` (select,
+ * Fires `edit` with the changed model and the names to select, `selected` with names, and `block` for its key. Set `tool` (select,
  * point, oneWay, twoWay, location, ruler), `grid` (m), `stationType` (makes the model and the type's name of a new location).
  */
 class DraftCanvas extends HTMLElement {
@@ -84,12 +85,14 @@ class DraftCanvas extends HTMLElement {
     this.draw();
   }
 
-  /** Select an object and bring it into sight. */
+  /** Select an object, or the members of a block, and bring it into sight. */
   reveal(name) {
-    if (!find(this.model, name)) return;
-    const thing = this.#placeOf(name);
-    if (thing) this.view.reveal(thing.x, thing.y);
-    this.select([name]);
+    const members = this.model.blocks?.find((block) => block.name === name)?.members ?? [name];
+    const names = members.filter((each) => find(this.model, each));
+    if (!names.length) return;
+    const thing = this.#placeOf(names[0]);
+    if (thing) this.view.reveal(thing.x, thing.y, NAMED);
+    this.select(names);
   }
 
   // Where an object is (m), or the beginning of a path.
@@ -277,7 +280,7 @@ class DraftCanvas extends HTMLElement {
 
   #key(event) {
     const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-    const commands = { Delete: () => this.remove(), Backspace: () => this.remove(), Escape: () => this.#escape(), " ": () => (this.#kept = this.selection), p: () => this.addPoint(), c: () => this.connect(false), C: () => this.connect(true), 0: () => this.fit(), "+": () => this.#zoom(ZOOM), "=": () => this.#zoom(ZOOM), "-": () => this.#zoom(1 / ZOOM) };
+    const commands = { Delete: () => this.remove(), Backspace: () => this.remove(), Escape: () => this.#escape(), " ": () => (this.#kept = this.selection), p: () => this.addPoint(), b: () => this.dispatchEvent(new Event("block")), c: () => this.connect(false), C: () => this.connect(true), 0: () => this.fit(), "+": () => this.#zoom(ZOOM), "=": () => this.#zoom(ZOOM), "-": () => this.#zoom(1 / ZOOM) };
     if (event.key === "Tab") {
       if (!this.#next(event.shiftKey ? -1 : 1)) return;
     } else if (event.ctrlKey || event.metaKey) {

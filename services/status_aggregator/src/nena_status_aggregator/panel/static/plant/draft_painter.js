@@ -3,6 +3,7 @@
 import { paintGrids } from "../map/grids.js";
 import { Labels } from "../map/labels.js";
 import { middle, trace } from "../map/lines.js";
+import { paintBlock } from "../map/plan_painter.js";
 
 const EDGE = 40; // px
 const MARGIN = 160; // px painted beyond the edges
@@ -61,6 +62,7 @@ function paintScene(context, view, scene, selected, { findings, colours }) {
   const lines = scene.lines.filter((line) => crosses(view, line));
   const isSelected = ({ names }) => names.some((name) => selected.has(name));
   context.lineCap = "round";
+  for (const block of scene.blocks) paintBlock(context, view, { ...block, lines: block.lines.map((line) => ({ line: placesOf(line), curved: line.curved })) }, colours);
   strokeLines(context, view, lines.filter((line) => !line.locked), colours.path, 2);
   strokeLines(context, view, lines.filter((line) => line.locked), colours.bad, 3);
   strokeLines(context, view, lines.filter(isSelected), colours.accent, 4);
@@ -70,7 +72,7 @@ function paintScene(context, view, scene, selected, { findings, colours }) {
   const points = [...scene.points.values()].filter((each) => inSight(view, each));
   paintPoints(context, view, points, selected, colours);
   paintFindings(context, view, scene, lines, findings, colours);
-  if (view.scale >= NAMES_FROM) paintNames(context, view, [...locations, ...points], colours);
+  if (view.scale >= NAMES_FROM) paintNames(context, view, [...locations, ...points], scene.blocks, colours);
 }
 
 function inSight(view, { x, y }) {
@@ -85,8 +87,12 @@ function crosses(view, { from, to, corners }) {
   return Math.max(from.x, to.x) > left && Math.min(from.x, to.x) < right && Math.max(from.y, to.y) > bottom && Math.min(from.y, to.y) < top;
 }
 
+function placesOf({ from, to, corners }) {
+  return [[from.x, from.y], ...corners, [to.x, to.y]];
+}
+
 function onScreen(view, line) {
-  return [[line.from.x, line.from.y], ...line.corners, [line.to.x, line.to.y]].map(([x, y]) => view.toScreen(x, y));
+  return placesOf(line).map(([x, y]) => view.toScreen(x, y));
 }
 
 // In chunks: without a graphics card, a stroke of all lines at once takes twice as long.
@@ -210,9 +216,15 @@ function paintFindings(context, view, scene, lines, findings, colours) {
   }
 }
 
-function paintNames(context, view, things, colours) {
+function paintNames(context, view, things, blocks, colours) {
   const labels = new Labels(context, view.width);
   for (const { name, x, y } of things.slice(0, NAMES)) labels.put(name, view.toScreen(x, y), 16);
+  for (const { name, corners, lines } of blocks) {
+    const places = [...corners, ...lines.flatMap(({ from, to }) => [from, to])];
+    const mean = (axis) => places.reduce((sum, place) => sum + place[axis], 0) / places.length;
+    const at = { x: mean("x"), y: mean("y") };
+    if (places.length && inSight(view, at)) labels.put(name, view.toScreen(at.x, at.y), 32, { important: true });
+  }
   labels.paint(colours);
 }
 

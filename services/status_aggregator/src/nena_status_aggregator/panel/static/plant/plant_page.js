@@ -2,12 +2,13 @@
 
 import { ask, askWith, command, fetchList, RefusedError } from "../api.js";
 import { save } from "../csv.js";
-import { button, element, emptyBox, field, foreign, refillSelect, select, setText, verbatim } from "../dom.js";
+import { button, element, emptyBox, field, foreign, refillSelect, renew, select, setText, verbatim } from "../dom.js";
 import { commandForm, confirmation, run } from "../forms.js";
 import { byName, dateAndTime, number, plural, t } from "../i18n.js";
 import { Grids } from "../map/grids.js";
 import { address, backLink, currentView } from "../router.js";
 import "./draft_canvas.js";
+import { Blocks, Vehicles } from "./listing.js";
 import { add, align, distribute, freshName, History } from "./model.js";
 import { propertiesOf } from "./properties.js";
 import { DraftSaver } from "./saving.js";
@@ -167,9 +168,13 @@ class PlantPage extends HTMLElement {
     this.canvas.addEventListener("selected", ({ detail }) => this.#showProperties(detail));
     this.properties = element("section", { class: "command", "aria-label": t("plant.propertiesOf") });
     this.findings = element("section", { "aria-label": t("plant.findings") });
-    this.outcome = element("div", { role: "status" });
+    this.outcome = element("div", { role: "status", tabindex: -1 });
+    const kept = (changed) => this.#edit(changed, this.canvas.selection);
+    this.blocks = new Blocks(kept, () => this.canvas.selection, (names) => this.canvas.select(names));
+    this.vehicles = new Vehicles(kept, () => [...this.fleet.store.robots.keys()]);
+    this.canvas.addEventListener("block", () => this.blocks.make());
     const keys = element("p", { class: "hint", id: "plant-keys" }, t("plant.keys"));
-    const aside = element("div", { class: "beside" }, this.conflict, this.properties, this.findings, this.#activation(), this.#vehicles(), this.#files());
+    const aside = element("div", { class: "beside" }, this.conflict, this.properties, this.findings, this.#activation(), this.blocks.element, this.vehicles.element, this.#files());
     this.replaceChildren(this.#head(verbatim("span", name), this.state, this.editors), this.#toolbar(), element("div", { class: "drawing" }, element("div", { class: "sheet" }, this.canvas, keys), aside));
   }
 
@@ -223,6 +228,7 @@ class PlantPage extends HTMLElement {
     this.canvas.show(this.history.present, selection);
     this.undoTool.disabled = !this.history.canUndo;
     this.redoTool.disabled = !this.history.canRedo;
+    this.blocks.show(this.history.present);
     this.#showVehicles();
   }
 
@@ -236,11 +242,9 @@ class PlantPage extends HTMLElement {
   }
 
   #showProperties(names) {
-    const focused = [...this.properties.querySelectorAll("input, textarea, button")].indexOf(document.activeElement);
     const fields = propertiesOf(this.history.present, names, (model, selection) => this.#edit(model, selection), (chosen) => this.canvas.select(chosen));
-    this.properties.replaceChildren(element("h3", {}, t("plant.propertiesOf")), ...fields);
-    if (focused >= 0) this.properties.querySelectorAll("input, textarea, button")[focused]?.focus({ preventScroll: true });
-    this.removeTool.disabled = !names.length;
+    renew(this.properties, [element("h3", {}, t("plant.propertiesOf")), ...fields]);
+    this.removeTool.disabled = this.blocks.maker.disabled = !names.length;
     for (const each of this.arranging) each.disabled = names.length < 2;
   }
 
@@ -311,28 +315,12 @@ class PlantPage extends HTMLElement {
     this.#edit(add(model, "points", point), [name]);
   }
 
-  #vehicles() {
-    this.vehicles = element("ul", { class: "entries" });
-    this.unknown = element("div", { class: "actions" });
-    return element("section", { "aria-label": t("plant.vehicles") }, element("h3", {}, t("plant.vehicles")), this.vehicles, this.unknown);
-  }
-
+  // Only after a change of the robots: a list is built anew.
   #showVehicles() {
-    const model = this.history.present;
-    const vehicles = model.vehicles ?? [];
-    const serials = new Set(vehicles.map(({ name, properties }) => properties?.["vda5050:serialNumber"] ?? name));
-    const unknown = [...this.fleet.store.robots.keys()].filter((id) => !serials.has(id.slice(id.indexOf("/") + 1)));
-    const shown = JSON.stringify([vehicles.map(({ name }) => name), unknown]);
-    if (this.vehicles.shown === shown) return;
+    const shown = [this.history.present, [...this.fleet.store.robots.keys()].join()];
+    if (shown.every((each, at) => each === this.vehicles.shown?.[at])) return;
     this.vehicles.shown = shown;
-    const gone = (name) => button("×", () => this.#edit({ ...this.history.present, vehicles: this.history.present.vehicles.filter((each) => each.name !== name) }, []), { "aria-label": t("plant.removeOne", { name }) });
-    this.vehicles.replaceChildren(...vehicles.map(({ name }) => element("li", {}, verbatim("span", name), " ", gone(name))));
-    const take = (id) => {
-      const [manufacturer, serial] = [id.slice(0, id.indexOf("/")), id.slice(id.indexOf("/") + 1)];
-      const vehicle = { name: serial, properties: { "vda5050:manufacturer": manufacturer, "vda5050:serialNumber": serial } };
-      this.#edit(add(this.history.present, "vehicles", vehicle), []);
-    };
-    this.unknown.replaceChildren(...unknown.slice(0, 20).map((id) => button(t("plant.addVehicle", { name: id }), () => take(id))));
+    this.vehicles.show(this.history.present);
   }
 
   // Activation and files
@@ -365,7 +353,10 @@ class PlantPage extends HTMLElement {
     }
     const send = async () => {
       const done = await command(["plantDrafts", this.name, "activation"], { version: this.#saver.version });
-      return ["plant.activated", { name: done.name, points: number(done.points) }];
+      const values = { name: done.name, points: number(done.points) };
+      this.outcome.replaceChildren(element("strong", {}, t("plant.activated", values)));
+      this.outcome.focus();
+      return ["plant.activated", values];
     };
     const sure = confirmation({ label: t("plant.activation"), effect: t("plant.activationEffect"), submit: t("plant.activateSure"), send });
     this.outcome.replaceChildren(list, sure);

@@ -21,8 +21,8 @@ export function propertiesOf(model, selection, edit, select) {
   return [title, ...(kind === "point" ? pointFields(form) : kind === "path" ? pathFields(form, select) : locationFields(form))];
 }
 
-// What several objects of a kind have in common is changed in all of them.
-class Form {
+/** The fields of objects of a kind: what several have in common is changed in all of them. */
+export class Form {
   constructor(model, kind, things, edit) {
     Object.assign(this, { model, list: `${kind}s`, things, names: things.map(({ name }) => name), edit, single: things.length === 1 ? things[0] : null });
   }
@@ -45,14 +45,15 @@ class Form {
     });
   }
 
-  /** A number of all objects; `factor`: from the unit shown to that of the model. */
-  amount(key, name, { factor = 1, least = 0, initial = null, required = true } = {}) {
-    const values = new Set(this.things.map((thing) => thing[name] ?? initial));
+  /** A number of all objects, or of a `part` of each; `factor`: from the unit shown to that of the model. */
+  amount(key, name, { factor = 1, least = 0, initial = null, required = true, part = null } = {}) {
+    const values = new Set(this.things.map((thing) => (part ? thing[part] : thing)?.[name] ?? initial));
+    const to = (value) => (part ? (thing) => ({ [part]: { ...thing[part], [name]: value } }) : { [name]: value });
     const value = values.size === 1 && [...values][0] !== null ? [...values][0] / factor : "";
     const input = numberInput({ value, min: least, required });
     return changed(t(key), input, () => {
       const given = numberOf(input);
-      if (given !== null || !required) this.apply({ [name]: given === null ? null : factor === 1 ? given : Math.round(given * factor) });
+      if (given !== null || !required) this.apply(to(given === null ? null : factor === 1 ? given : Math.round(given * factor)));
     });
   }
 

@@ -29,14 +29,21 @@ export function makeScene(model) {
       lines.set(corners.length ? path.name : `${path.source} ${path.destination}`, { names: [path.name], from, to, corners, curved, forward, backward, locked: Boolean(path.locked) });
     }
   }
-  return { points, locations, lines: [...lines.values()] };
+  const named = new Map([...lines.values()].flatMap((line) => line.names.map((name) => [name, line])));
+  const blocks = (model.blocks ?? []).map(({ name, color, members = [] }) => {
+    const pick = (things) => members.map((each) => things.get(each)).filter(Boolean);
+    return { name, colour: color, corners: [...pick(points), ...pick(locations)], lines: [...new Set(pick(named))] };
+  });
+  return { points, locations, lines: [...lines.values()], blocks };
 }
 
 /** Return two scenes: without and with only the named points and locations, and what is at them. */
 export function parted(scene, names) {
   const touched = ({ from, to }) => names.has(from.name) || names.has(to.name);
   const linked = (each) => names.has(each.name) || each.links.some(({ name }) => names.has(name));
+  const held = ({ corners, lines }) => corners.some(({ name }) => names.has(name)) || lines.some(touched);
   const part = (wanted) => ({
+    blocks: scene.blocks.filter((block) => held(block) === wanted),
     points: new Map([...scene.points].filter(([name]) => names.has(name) === wanted)),
     locations: new Map([...scene.locations].filter(([, each]) => linked(each) === wanted)),
     lines: scene.lines.filter((line) => touched(line) === wanted),
