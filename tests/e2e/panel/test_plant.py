@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import json
 import re
 import subprocess
@@ -608,3 +609,116 @@ async def test_blocks_and_robots_are_made_changed_and_removed(
         vehicle = next(each for each in (await drawn(page))["vehicles"] if each["name"] == "Robot-01")
         assert vehicle["boundingBox"]["lengthMm"] == 1250
         await expect(page.locator(SAVED)).to_be_visible()
+
+
+BUILT = """async (model) => {
+  const b = await import("/plant/building.js");
+  const { find } = await import("/plant/model.js");
+  const kind = { type: "T", prefix: "S" };
+  const row = b.stationRow(model, b.placesAlong([1000, 1500], [3000, 1500], 1000), kind, 2000);
+  const far = b.stationRow(model, [[0, 9000]], kind, 2000);
+  const beside = b.placesBeside(model, find(model, "A --- B").thing, 3, 1000, 500);
+  const split = row.points.at(-2).name;
+  const whole = b.join(row, [split]);
+  const merged = b.join(row, ["A", split]);
+  const oneWay = b.turn(model, ["A --- B", "B --- A"]);
+  const other = b.turn(oneWay, ["B --- A"]);
+  return { row, far, beside, split, whole, merged, kept: b.join(model, ["A"]) === model, oneWay, other };
+}"""
+
+
+async def test_rows_of_stations_joins_and_directions_change_the_model(hall: Hall, browser: Browser) -> None:
+    way = {"lengthMm": 8000, "maxVelocityMmS": 700}
+    model = {
+        "name": "small",
+        "points": [{"name": "A", "xMm": 0, "yMm": 0}, {"name": "B", "xMm": 4000, "yMm": 0}],
+        "paths": [
+            {"name": "A --- B", "source": "A", "destination": "B", **way},
+            {"name": "B --- A", "source": "B", "destination": "A", **way, "locked": True},
+        ],
+        "locationTypes": [{"name": "T"}],
+        "blocks": [{"name": "K", "members": ["A --- B"]}],
+    }
+    async with hall.connected(), opened(browser, hall.url) as page:
+        done = await page.evaluate(BUILT, model)
+    row = done["row"]
+    assert [(each["name"], each["xMm"], each["yMm"]) for each in row["locations"]] == [
+        ("S1", 1000, 1500),
+        ("S2", 2000, 1500),
+        ("S3", 3000, 1500),
+    ]
+    served = {each["name"]: each["links"][0]["point"] for each in row["locations"]}
+    places = {each["name"]: (each["xMm"], each["yMm"]) for each in row["points"]}
+    assert [places[served[name]] for name in ("S1", "S2", "S3")] == [(1000, 0), (2000, 0), (3000, 0)]
+    assert [each["lengthMm"] for each in row["paths"]] == [2000] * 8, (
+        "both ways, in the ratio of their lengths"
+    )
+    assert "links" not in done["far"]["locations"][0]
+    assert done["beside"] == [[1000, 500], [2000, 500], [3000, 500]]
+    assert (len(done["whole"]["points"]), len(done["whole"]["paths"])) == (4, 6)
+    made = [each for each in done["whole"]["paths"] if each["lengthMm"] == 4000]
+    assert [(each["maxVelocityMmS"], each["locked"]) for each in made] == [(700, False), (700, True)]
+    assert made[0]["name"] in done["whole"]["blocks"][0]["members"]
+    members = {each["name"] for each in (*done["whole"]["points"], *done["whole"]["paths"])}
+    assert set(done["whole"]["blocks"][0]["members"]) <= members
+    assert done["split"] not in {each["name"] for each in done["merged"]["points"]}
+    assert len(done["merged"]["paths"]) == 6
+    assert not [each for each in done["merged"]["paths"] if each["source"] == each["destination"]]
+    names = {each["name"] for each in (*done["merged"]["points"], *done["merged"]["paths"])}
+    assert set(done["merged"]["blocks"][0]["members"]) <= names
+    assert done["kept"], "a dead end has nothing to join"
+    assert [each["name"] for each in done["oneWay"]["paths"]] == ["B --- A"]
+    [back] = [each for each in done["other"]["paths"] if each["name"] == "A --- B"]
+    assert (back["lengthMm"], back["maxVelocityMmS"], back["locked"]) == (8000, 700, True)
+
+
+async def test_a_drag_makes_a_row_of_stations_and_keys_join_and_turn(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        site(broker, interface_name, tmp_path) as made,
+        drawing(browser, made, "row", "active") as page,
+    ):
+        model = await drawn(page)
+        row = sorted((each for each in model["points"] if each["yMm"] == 2000), key=lambda each: each["xMm"])
+        left = next(a["xMm"] / 1000 for a, b in itertools.pairwise(row) if b["xMm"] - a["xMm"] >= 4000)
+        await tool(page, "Row of stations")
+        await page.get_by_label("Distance between them in m").fill("1")
+        await page.get_by_label("Distance between them in m").press("Enter")
+        await drag(page, (left + 1, 3.5), (left + 3, 3.5))
+        after = await drawn(page)
+        stations = after["locations"][len(model.get("locations", [])) :]
+        assert [each["xMm"] / 1000 for each in stations] == [left + 1, left + 2, left + 3]
+        assert {each["yMm"] for each in stations} == {3500}
+        points = {each["name"]: each for each in after["points"]}
+        served = [points[each["links"][0]["point"]] for each in stations]
+        assert [(each["xMm"] / 1000, each["yMm"]) for each in served] == [
+            (left + at, 2000) for at in (1, 2, 3)
+        ]
+        await picture(page, "plant-row")
+        # the point of the second station is joined away, and the path there turned twice
+        await tool(page, "Select")
+        await page.mouse.click(*await at(page, left + 2, 2))
+        await expect(page.get_by_role("button", name="Join", exact=True)).to_be_enabled()
+        await page.locator(CANVAS).press("j")
+        ends = {served[0]["name"], served[2]["name"]}
+
+        async def ways() -> list[str]:
+            paths = (await drawn(page))["paths"]
+            return [each["source"] for each in paths if {each["source"], each["destination"]} == ends]
+
+        before = await ways()
+        assert len(before) >= 1
+        await page.mouse.click(*await at(page, left + 2, 2))
+        await page.locator(CANVAS).press("w")
+        assert len(await ways()) == 3 - len(before)
+        await page.locator(CANVAS).press("w")
+        assert len(await ways()) == len(before)
+        assert await ways() != before
+        # beside the selected path by its form
+        await page.get_by_label("How many").fill("2")
+        await page.get_by_label("m to the left").fill("-1")
+        await page.get_by_role("button", name="Add the row").click()
+        assert len((await drawn(page))["locations"]) == len(after["locations"]) + 2
+        await expect(page.locator(SAVED)).to_be_visible()
+        assert await findings(page) == []

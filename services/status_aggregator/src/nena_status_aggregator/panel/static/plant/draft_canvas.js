@@ -5,6 +5,7 @@ import { number, t } from "../i18n.js";
 import { readColours } from "../map/painter.js";
 import { extent } from "../map/plan_painter.js";
 import { Viewport } from "../map/viewport.js";
+import { join, placesAlong, stationRow, turn } from "./building.js";
 import { DraftPainter } from "./draft_painter.js";
 import { add, apart, connect, find, freshName, move, remove, snapped, split } from "./model.js";
 import { hit, inside, makeScene, parted } from "./scene.js";
@@ -16,16 +17,19 @@ const PAN = 60; // px
 const FINE = 0.1; // m, steps of the arrow keys without a grid
 const ROOM = 12; // m, the least that is shown
 const BESIDE = 1; // m, a point that is added by key
+const REACH = 3000; // mm, from a station of a row to the path beside it
 const NAMED = 14; // px per m, from which names are shown
 
 /**
  * Fires `edit` with the changed model and the names to select, `selected` with names, and `block` for its key. Set `tool` (select,
- * point, oneWay, twoWay, location, ruler), `grid` (m), `stationType` (makes the model and the type's name of a new location).
+ * point, oneWay, twoWay, location, row, ruler), `grid` and `spacing` (m), `stationType` (makes the model, the type's name and the
+ * prefix of the name of a new location).
  */
 class DraftCanvas extends HTMLElement {
   view = new Viewport();
   tool = "select";
   grid = 0.5;
+  spacing = 2;
   selection = [];
   findings = new Map();
   robots = [];
@@ -123,6 +127,26 @@ class DraftCanvas extends HTMLElement {
     this.#edit(names.slice(1).reduce((model, name, at) => connect(model, names[at], name, twoWay), this.model), names);
   }
 
+  /** Join the selected points, or the paths through the only one. */
+  join() {
+    this.#edit(join(this.model, this.selection), this.selection.slice(0, 1));
+  }
+
+  /** Turn the selected paths: one way, both ways, the other way. */
+  turn() {
+    const lines = this.#scene.lines.filter(({ names }) => names.some((name) => this.selection.includes(name)));
+    const model = lines.reduce((made, { names }) => turn(made, names), this.model);
+    const isTurned = ({ source, destination }) => lines.some(({ from, to }) => (from.name === source && to.name === destination) || (from.name === destination && to.name === source));
+    this.#edit(model, (model.paths ?? []).filter(isTurned).map(({ name }) => name));
+  }
+
+  /** Add a row of stations at these places (mm), served by the path beside them. */
+  addRow(places) {
+    const { model, ...named } = this.stationType(this.model);
+    const made = stationRow(model, places, named, REACH);
+    this.#edit(made, made.locations.slice(-places.length).map(({ name }) => name));
+  }
+
   /** Remove the selected objects. */
   remove() {
     if (this.selection.length) this.#edit(remove(this.model, this.selection), []);
@@ -135,10 +159,10 @@ class DraftCanvas extends HTMLElement {
     requestAnimationFrame(() => {
       this.#pending = false;
       if (!this.canvas.width || !this.canvas.height) return;
-      const { drag, box, ruler, parts } = this.#gesture ?? {};
+      const { drag, box, ruler, row, parts } = this.#gesture ?? {};
       const { selection, findings, grids, robots, grid, colours } = this;
       const [still, moving] = parts ?? [this.#scene, null];
-      this.#painter.paint(this.canvas, this.view, { still, moving, selection, findings, grids, robots, grid, drag, box, ruler, colours });
+      this.#painter.paint(this.canvas, this.view, { still, moving, selection, findings, grids, robots, grid, drag, box, ruler, row, colours });
     });
   }
 
@@ -166,8 +190,8 @@ class DraftCanvas extends HTMLElement {
 
   #addLocationAt(place) {
     const [xMm, yMm] = this.#snap(place);
-    const { model, type } = this.stationType(this.model);
-    const name = freshName(model, t("plant.stationPrefix"));
+    const { model, type, prefix } = this.stationType(this.model);
+    const name = freshName(model, prefix);
     this.#edit(add(model, "locations", { name, type, xMm, yMm }), [name]);
   }
 
@@ -183,7 +207,7 @@ class DraftCanvas extends HTMLElement {
   }
 
   #kindOf(event, names) {
-    if (this.tool === "ruler") return "ruler";
+    if (this.tool === "ruler" || this.tool === "row") return this.tool;
     const isThing = names.length === 1 && find(this.model, names[0])?.kind !== "path";
     if (this.tool === "oneWay" || this.tool === "twoWay") return isThing ? "connect" : "pan";
     if (this.tool !== "select") return "pan";
@@ -213,10 +237,17 @@ class DraftCanvas extends HTMLElement {
     if (gesture.kind === "pan") this.view.pan(here[0] - gesture.last[0], here[1] - gesture.last[1]);
     else if (gesture.kind === "move") this.#drag(place);
     else if (gesture.kind === "box") gesture.box = [gesture.place, place];
+    else if (gesture.kind === "row") this.#dragRow(place);
     else gesture[gesture.kind === "ruler" ? "ruler" : "drag"] = [gesture.place, place];
     if (gesture.kind === "ruler" || gesture.kind === "connect") this.#readLength(gesture.place, place);
     gesture.last = here;
     this.draw();
+  }
+
+  #dragRow(place) {
+    const [from, to] = [this.#gesture.place, place].map((each) => this.#snap(each));
+    this.#gesture.row = placesAlong(from, to, this.spacing * MM).map(([x, y]) => [x / MM, y / MM]);
+    setText(this.readout, t("plant.rowOf", { count: number(this.#gesture.row.length), length: number(Math.hypot(to[0] - from[0], to[1] - from[1]) / MM, 2) }));
   }
 
   #drag([x, y]) {
@@ -237,6 +268,7 @@ class DraftCanvas extends HTMLElement {
     if ((gesture.travel ?? 0) < CLICK) this.#click(gesture, event);
     else if (gesture.kind === "move") this.#edit(move(this.model, gesture.moved, ...gesture.by.map((each) => Math.round(each * MM))), this.selection);
     else if (gesture.kind === "box") this.select([...new Set([...this.selection, ...inside(this.#scene, gesture.place, place)])]);
+    else if (gesture.kind === "row") this.addRow(gesture.row.map(([x, y]) => [x * MM, y * MM]));
     else if (gesture.kind === "connect") this.#connectTo(gesture.names[0], place, [event.offsetX, event.offsetY]);
     this.draw();
   }
@@ -280,7 +312,7 @@ class DraftCanvas extends HTMLElement {
 
   #key(event) {
     const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-    const commands = { Delete: () => this.remove(), Backspace: () => this.remove(), Escape: () => this.#escape(), " ": () => (this.#kept = this.selection), p: () => this.addPoint(), b: () => this.dispatchEvent(new Event("block")), c: () => this.connect(false), C: () => this.connect(true), 0: () => this.fit(), "+": () => this.#zoom(ZOOM), "=": () => this.#zoom(ZOOM), "-": () => this.#zoom(1 / ZOOM) };
+    const commands = { Delete: () => this.remove(), Backspace: () => this.remove(), Escape: () => this.#escape(), " ": () => (this.#kept = this.selection), p: () => this.addPoint(), b: () => this.dispatchEvent(new Event("block")), c: () => this.connect(false), C: () => this.connect(true), j: () => this.join(), w: () => this.turn(), 0: () => this.fit(), "+": () => this.#zoom(ZOOM), "=": () => this.#zoom(ZOOM), "-": () => this.#zoom(1 / ZOOM) };
     if (event.key === "Tab") {
       if (!this.#next(event.shiftKey ? -1 : 1)) return;
     } else if (event.ctrlKey || event.metaKey) {

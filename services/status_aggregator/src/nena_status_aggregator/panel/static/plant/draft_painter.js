@@ -24,7 +24,7 @@ export class DraftPainter {
 
   /**
    * Paint. `shown`: {still, moving: scenes, selection: names, findings: Map of name to whether it is an error, grids, robots, grid (m,
-   * 0: none), drag and ruler: [place, place], box: [corner, corner], colours}.
+   * 0: none), drag and ruler: [place, place], row: places, box: [corner, corner], colours}.
    */
   paint(canvas, view, shown) {
     const wanted = [shown.still, shown.selection, shown.findings, shown.grid, shown.colours, canvas.width, canvas.height, view.scale, shown.grids.map(({ grid }) => grid.digest).join()];
@@ -266,7 +266,7 @@ function paintRobot(context, view, { name, x, y, theta }, colours) {
   context.fillText(name, px, py - 14);
 }
 
-function paintGesture(context, view, { drag, box, ruler, colours }) {
+function paintGesture(context, view, { drag, box, ruler, row = [], colours }) {
   context.strokeStyle = colours.accent;
   context.lineWidth = 2;
   context.setLineDash([6, 4]);
@@ -276,6 +276,10 @@ function paintGesture(context, view, { drag, box, ruler, colours }) {
     context.moveTo(...view.toScreen(...pair[0]));
     context.lineTo(...view.toScreen(...pair[1]));
     context.stroke();
+  }
+  for (const place of row) {
+    const [x, y] = view.toScreen(...place);
+    context.strokeRect(x - 9, y - 7, 18, 14);
   }
   if (box) {
     const [left, top] = view.toScreen(...box[0]);

@@ -166,7 +166,8 @@ export function connect(model, from, to, twoWay) {
   }, model);
 }
 
-function pathName(source, destination) {
+/** Return the name of a path that is named after its ends. */
+export function pathName(source, destination) {
   return `${source} --- ${destination}`;
 }
 

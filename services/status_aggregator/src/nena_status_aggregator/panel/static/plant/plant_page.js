@@ -2,18 +2,19 @@
 
 import { ask, askWith, command, fetchList, RefusedError } from "../api.js";
 import { save } from "../csv.js";
-import { button, element, emptyBox, field, foreign, refillSelect, renew, select, setText, verbatim } from "../dom.js";
+import { button, element, emptyBox, field, foreign, numberInput, numberOf, refillSelect, renew, select, setText, verbatim } from "../dom.js";
 import { commandForm, confirmation, run } from "../forms.js";
 import { byName, dateAndTime, number, plural, t } from "../i18n.js";
 import { Grids } from "../map/grids.js";
 import { address, backLink, currentView } from "../router.js";
+import { join } from "./building.js";
 import "./draft_canvas.js";
 import { Blocks, Vehicles } from "./listing.js";
 import { add, align, distribute, freshName, History } from "./model.js";
 import { propertiesOf } from "./properties.js";
 import { DraftSaver } from "./saving.js";
 
-const TOOLS = ["select", "point", "oneWay", "twoWay", "location", "ruler"];
+const TOOLS = ["select", "point", "oneWay", "twoWay", "location", "row", "ruler"];
 const GRIDS = [0, 0.1, 0.25, 0.5, 1, 2];
 const FORMATS = { nena: "NeNa JSON", opentcs: "openTCS XML", lif: "LIF 1.0", lif2: "LIF 2.0", "nav2-route": "Nav2 GeoJSON" };
 // Types of locations, named so that a station can have the singular.
@@ -184,14 +185,17 @@ class PlantPage extends HTMLElement {
     const choose = (tool) => {
       this.canvas.tool = tool;
       for (const each of tools) each.setAttribute("aria-pressed", String(each.dataset.tool === tool));
+      spacing.hidden = tool !== "row";
     };
-    choose("select");
     const act = (key, action) => button(t(key), action);
     this.undoTool = act("plant.undo", () => this.#undo());
     this.redoTool = act("plant.redo", () => this.#redo());
     const arrange = (key, how, axis) => act(key, () => this.#edit(how(this.history.present, new Set(this.canvas.selection), axis), this.canvas.selection));
     this.arranging = [arrange("plant.alignX", align, "xMm"), arrange("plant.alignY", align, "yMm"), arrange("plant.distributeX", distribute, "xMm"), arrange("plant.distributeY", distribute, "yMm")];
     this.removeTool = act("plant.delete", () => this.canvas.remove());
+    this.joinTool = act("plant.join", () => this.canvas.join());
+    const spacing = numberInput({ value: this.canvas.spacing, min: 0.1, required: true, "aria-label": t("plant.spacing"), title: t("plant.spacing") });
+    spacing.addEventListener("change", () => spacing.checkValidity() && (this.canvas.spacing = numberOf(spacing)));
     this.station = select(Object.keys(STATIONS).map((each) => [each, t(`plant.station.${each}`)]), { "aria-label": t("plant.stationKind") });
     const grid = select(GRIDS.map((each) => [each, each ? t("plant.gridOf", { size: number(each, each % 1 ? 2 : 0) }) : t("plant.noGrid")]), { "aria-label": t("plant.grid") });
     grid.value = this.canvas.grid;
@@ -199,9 +203,10 @@ class PlantPage extends HTMLElement {
       this.canvas.grid = Number(grid.value);
       this.canvas.draw();
     });
+    choose("select");
     this.robot = select([], { "aria-label": t("plant.hereRobot") });
     this.here = act("plant.here", () => this.#takeHere());
-    bar.append(...tools, this.station, grid, this.undoTool, this.redoTool, this.removeTool, ...this.arranging, act("map.fit", () => this.canvas.fit()), this.robot, this.here);
+    bar.append(...tools, this.station, spacing, grid, this.undoTool, this.redoTool, this.removeTool, this.joinTool, ...this.arranging, act("map.fit", () => this.canvas.fit()), this.robot, this.here);
     return bar;
   }
 
@@ -242,10 +247,11 @@ class PlantPage extends HTMLElement {
   }
 
   #showProperties(names) {
-    const fields = propertiesOf(this.history.present, names, (model, selection) => this.#edit(model, selection), (chosen) => this.canvas.select(chosen));
+    const fields = propertiesOf(this.history.present, names, (model, selection) => this.#edit(model, selection), this.canvas);
     renew(this.properties, [element("h3", {}, t("plant.propertiesOf")), ...fields]);
     this.removeTool.disabled = this.blocks.maker.disabled = !names.length;
     for (const each of this.arranging) each.disabled = names.length < 2;
+    this.joinTool.disabled = !names.length || join(this.history.present, names) === this.history.present;
   }
 
   #showState() {
@@ -385,7 +391,7 @@ function now() {
 function stationType(model, name) {
   const types = model.locationTypes ?? [];
   const known = types.find((each) => each.name === name);
-  return { model: known ? model : { ...model, locationTypes: [...types, { name, allowedOperations: STATIONS[name] }] }, type: name };
+  return { model: known ? model : { ...model, locationTypes: [...types, { name, allowedOperations: STATIONS[name] }] }, type: name, prefix: t("plant.stationPrefix") };
 }
 
 function differencesList({ differences, more }, reveal = null) {

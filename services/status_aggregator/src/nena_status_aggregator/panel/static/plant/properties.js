@@ -2,15 +2,16 @@
 
 import { button, element, field, numberInput, numberOf, verbatim } from "../dom.js";
 import { number, t } from "../i18n.js";
-import { change, connect, find, put, rename } from "./model.js";
+import { placesBeside, withWayBack } from "./building.js";
+import { change, find, put, rename } from "./model.js";
 
 const MM = 1000;
 
 /**
- * Return the elements of the form for the selected names. `edit(model, selection)` takes each change at once; `select(names)`
- * selects others.
+ * Return the elements of the form for the selected names. `edit(model, selection)` takes each change at once; `canvas` selects
+ * others, turns paths, and adds rows.
  */
-export function propertiesOf(model, selection, edit, select) {
+export function propertiesOf(model, selection, edit, canvas) {
   const found = selection.map((name) => find(model, name)).filter(Boolean);
   if (!found.length) return [element("p", { class: "hint" }, t("plant.nothing"))];
   const kinds = new Set(found.map(({ kind }) => kind));
@@ -18,7 +19,7 @@ export function propertiesOf(model, selection, edit, select) {
   if (kinds.size > 1) return [title];
   const [kind] = kinds;
   const form = new Form(model, kind, found.map(({ thing }) => thing), edit);
-  return [title, ...(kind === "point" ? pointFields(form) : kind === "path" ? pathFields(form, select) : locationFields(form))];
+  return [title, ...(kind === "point" ? pointFields(form) : kind === "path" ? pathFields(form, canvas) : locationFields(form))];
 }
 
 /** The fields of objects of a kind: what several have in common is changed in all of them. */
@@ -86,16 +87,32 @@ function pointFields(form) {
   return [form.name(), element("div", { class: "fields" }, form.coordinate("form.x", 0), form.coordinate("form.y", 1), heading), parking, form.properties()];
 }
 
-function pathFields(form, select) {
+function pathFields(form, canvas) {
   const speed = form.amount("plant.speed", "maxVelocityMmS", { factor: MM, initial: MM });
   const locked = form.check("plant.locked", ({ locked: is }) => Boolean(is), (on) => ({ locked: on }));
   const oneWays = form.things.filter((path) => !(form.model.paths ?? []).some((each) => each.source === path.destination && each.destination === path.source));
-  const both = button(t("plant.addWayBack"), () => form.edit(oneWays.reduce((model, path) => connect(model, path.destination, path.source, false), form.model), form.names));
+  const both = button(t("plant.addWayBack"), () => form.edit(withWayBack(form.model, oneWays.map(({ name }) => name)), form.names));
+  const turn = button(t("plant.turn"), () => canvas.turn());
   const parts = form.names.map((name) => verbatim("button", name, { type: "button" }));
-  for (const [at, each] of parts.entries()) each.addEventListener("click", () => select([form.names[at]]));
-  if (!form.single) return [speed, locked, ...(oneWays.length ? [both] : []), ...(parts.length < 5 ? [element("div", { class: "actions" }, ...parts)] : [])];
+  for (const [at, each] of parts.entries()) each.addEventListener("click", () => canvas.select([form.names[at]]));
+  const actions = element("div", { class: "actions" }, ...(oneWays.length ? [both] : []), turn);
+  const row = rowFields(form, canvas);
+  if (!form.single) return [speed, locked, actions, ...(parts.length < 5 ? [element("div", { class: "actions" }, ...parts)] : []), ...row];
   const length = form.amount("plant.length", "lengthMm", { factor: MM, least: 0.001 });
-  return [form.name(), element("div", { class: "fields" }, length, speed), locked, ...(oneWays.length ? [both] : []), form.properties()];
+  return [form.name(), element("div", { class: "fields" }, length, speed), locked, actions, form.properties(), ...row];
+}
+
+// A row of stations beside a path, or both ways between two points.
+function rowFields(form, canvas) {
+  const [path, ...others] = form.things;
+  if (others.some(({ source, destination }) => source !== path.destination || destination !== path.source)) return [];
+  const count = numberInput({ value: 3, min: 1, max: 200, step: 1, required: true });
+  const distance = numberInput({ value: canvas.spacing, min: 0.1, required: true });
+  const beside = numberInput({ value: 1, required: true });
+  const make = button(t("plant.makeRow"), () => {
+    if ([count, distance, beside].every((each) => each.reportValidity())) canvas.addRow(placesBeside(form.model, path, numberOf(count), numberOf(distance) * MM, numberOf(beside) * MM));
+  });
+  return [element("h4", {}, t("plant.row")), element("div", { class: "fields" }, field(t("plant.rowCount"), count), field(t("plant.spacing"), distance), field(t("plant.rowBeside"), beside)), element("div", { class: "actions" }, make)];
 }
 
 function locationFields(form) {
