@@ -33,7 +33,7 @@ def part(*leads: float, waiting: int, idle: float) -> Observed:
 def test_parts_are_reported_as_if_one_had_followed_the_other() -> None:
     one, other = part(10.0, 20.0, waiting=3, idle=100.0), part(60.0, waiting=4, idle=200.0)
 
-    found = Figures.of(Observed.joined([one, other]), robots=2)
+    found = Figures.of([one, other], plant="hall", robots=2)
 
     assert (found.hours, found.created, found.finished, found.waiting) == (0.1, 3, 3, 3.5)
     assert found.finished_by_minute == (1, 1, 0, 1, 0, 0)

@@ -196,7 +196,7 @@ def test_orders_that_cannot_finish_are_counted_by_reason() -> None:
     assert [(each.state, each.orders) for each in found.unfinished] == [("DISPATCHABLE", 3), ("FAILED", 2)]
     assert all(each.code for each in found.unfinished)
     assert "'UNLOAD'" in found.unfinished[1].reason
-    report = Report("site", 1, (found,))
+    report = Report((found,), (1,))
     for text in (report.to_text(), report.to_markdown(), report.to_json()):
         assert "UNLOAD" in text
         assert found.unfinished[0].code in text

@@ -12,7 +12,7 @@ from bench.pibt import bound
 from nena_order_service.engine.status import StatusReporter
 from nena_simulate.demand import Demand, DemandError, Relation, Transport, every_relation
 from nena_simulate.observation import Doing
-from nena_simulate.simulation import observe, simulate, simulate_all
+from nena_simulate.simulation import observe, simulate
 from nena_simulate.site import Case, Disturbances
 
 pytestmark = pytest.mark.simulation
@@ -58,10 +58,13 @@ def test_without_listeners_no_status_of_a_vehicle_is_built(monkeypatch: pytest.M
 
 
 def test_a_case_is_split_into_shorter_ones_with_their_own_seeds() -> None:
-    parts = replace(CASE, seed=4, hours=8.0).in_parts(2)
+    parts = replace(CASE, seed=4, hours=8.0).runs(parts=2)
 
     assert [(each.hours, each.seed, each.warm_up) for each in parts] == [(4.0, 4, 10.0), (4.0, 5, 10.0)]
-    assert CASE.in_parts(1) == [CASE]
+    assert CASE.runs() == [CASE]
+    assert [each.seed for each in CASE.runs((5, 8))] == [5, 8]
+    with pytest.raises(ValueError, match="use --parts 1"):
+        CASE.runs((1, 2), parts=2)
 
 
 def test_recorded_orders_are_not_split() -> None:
@@ -70,24 +73,7 @@ def test_recorded_orders_are_not_split() -> None:
     order = next(Demand(relations=relations).timed(Transport(plant, operations), Random(1)))
 
     with pytest.raises(DemandError, match="use --parts 1"):
-        replace(CASE, demand=Demand(orders=(order,))).in_parts(2)
-
-
-@pytest.mark.long
-def test_parts_of_a_case_run_in_their_own_processes() -> None:
-    one, other = simulate_all([CASE, replace(CASE, seed=2)], jobs=2)
-    (whole,) = simulate_all([replace(CASE, hours=2 * CASE.hours)], jobs=2, parts=2)
-
-    assert whole.finished == one.finished + other.finished
-    assert whole.hours == 2 * CASE.hours
-
-
-@pytest.mark.long
-def test_separate_processes_give_equal_results() -> None:
-    one, same, other = simulate_all([CASE, CASE, replace(CASE, seed=2)], jobs=2)
-
-    assert one == same
-    assert one != other
+        replace(CASE, demand=Demand(orders=(order,))).runs(parts=2)
 
 
 def test_single_robot_reaches_the_throughput_bound() -> None:
@@ -138,10 +124,3 @@ def test_a_robot_that_breaks_down_costs_orders() -> None:
 def test_more_robots_than_points_are_refused() -> None:
     with pytest.raises(ValueError, match="do not fit"):
         simulate(replace(CASE, robots=len(HALL.plant.points)))
-
-
-def test_no_process_is_started_for_robots_that_do_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("nena_simulate.simulation.ProcessPoolExecutor", None)
-
-    with pytest.raises(ValueError, match="do not fit"):
-        simulate_all([CASE, replace(CASE, robots=len(HALL.plant.points))], jobs=2)

@@ -110,16 +110,21 @@ class Case:
         """Return the operations of the plant."""
         return Operations(self.plant, self.order_service_settings().engine.action_types)
 
-    def in_parts(self, parts: int) -> list[Self]:
-        """Return shorter cases with different seeds, which together take as many hours.
+    def runs(self, seeds: Sequence[int] = (), parts: int = 1) -> list[Self]:
+        """Return the case with each of ``seeds``; or split into ``parts``, each with the next seed.
 
         Raises:
             DemandError: recorded orders cannot be split.
+            ValueError: both are given; the parts of one seed would be those of the next.
         """
+        if parts > 1 and len(seeds) > 1:
+            message = "several seeds cannot be split into parts; use --parts 1"
+            raise ValueError(message)
         if parts > 1 and self.demand.orders:
             message = "recorded orders cannot be simulated in parts; use --parts 1"
             raise DemandError(message)
-        return [replace(self, hours=self.hours / parts, seed=self.seed + part) for part in range(parts)]
+        shorter = replace(self, hours=self.hours / parts)
+        return [replace(shorter, seed=seed + part) for seed in seeds or (self.seed,) for part in range(parts)]
 
 
 class VolatileStore(Store):
