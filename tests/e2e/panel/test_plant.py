@@ -20,6 +20,7 @@ from playwright.async_api import Browser, Page, expect
 
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.plant import PlantModel
+from nena_shared.plant.curve import is_cubic_bezier, length
 from nena_shared.vda5050.topics import RobotKey
 from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
@@ -720,5 +721,108 @@ async def test_a_drag_makes_a_row_of_stations_and_keys_join_and_turn(
         await page.get_by_label("m to the left").fill("-1")
         await page.get_by_role("button", name="Add the row").click()
         assert len((await drawn(page))["locations"]) == len(after["locations"]) + 2
+        await expect(page.locator(SAVED)).to_be_visible()
+        assert await findings(page) == []
+
+
+CURVED = """async (model) => {
+  const c = await import("/plant/curves.js");
+  const m = await import("/plant/model.js");
+  const { withWayBack } = await import("/plant/building.js");
+  const points = new Map(model.points.map((each) => [each.name, each]));
+  const curve = (path) => c.reshaped(path, points, c.straightCurve(path, points));
+  const curved = m.change(model, "paths", ["A --- B"], curve);
+  const both = withWayBack(curved, ["A --- B"]);
+  const ways = ["A --- B", "B --- A"];
+  const bent = c.bend(c.bend(both, ways, 0, [0, 3000]), ways, 1, [6000, 3000]);
+  const moved = m.move(bent, new Set(["B"]), 1000, 500);
+  const split = m.split(bent, ["A --- B"], { name: "M", xMm: 3000, yMm: 2250 });
+  const straight = m.change(bent, "paths", ["A --- B"], (path) => c.reshaped(path, points, []));
+  return JSON.stringify({ curved, both, bent, moved, split, straight });
+}"""
+
+
+async def test_curves_keep_their_shape_length_and_trajectories(hall: Hall, browser: Browser) -> None:
+    uses = [{"vehicleTypeId": "small", "trajectory": {"knotVector": [], "controlPoints": []}}]
+    path = {"name": "A --- B", "source": "A", "destination": "B", "lengthMm": 6000, "vehicleTypes": uses}
+    points = [{"name": "A", "xMm": 0, "yMm": 0}, {"name": "B", "xMm": 6000, "yMm": 0}]
+    model = {"name": "small", "points": points, "paths": [path]}
+    async with hall.connected(), opened(browser, hall.url) as page:
+        done = json.loads(await page.evaluate(CURVED, model))
+    models = {name: PlantModel.model_validate(made) for name, made in done.items()}
+    there, back = models["both"].paths
+    assert [(each.x_mm, each.y_mm) for each in there.layout.control_points] == [(2000, 0), (4000, 0)]
+    assert (there.length_mm, back.length_mm) == (6000, 6000)
+    there, back = models["bent"].paths
+    assert [(each.x_mm, each.y_mm) for each in there.layout.control_points] == [(0, 3000), (6000, 3000)]
+    assert [(each.x_mm, each.y_mm) for each in back.layout.control_points] == [(6000, 3000), (0, 3000)]
+    trajectory = there.vehicle_types[0].trajectory
+    assert trajectory
+    assert is_cubic_bezier(trajectory)
+    assert there.length_m == pytest.approx(length(trajectory), rel=0.01)
+    assert back.length_mm == there.length_mm
+    moved = models["moved"].paths[0]
+    assert [(each.x_mm, each.y_mm) for each in moved.layout.control_points] == [(0, 3000), (7000, 3500)]
+    ends = moved.vehicle_types[0].trajectory
+    assert ends
+    assert (ends.control_points[-1].x, ends.control_points[-1].y) == (7.0, 0.5)
+    first, second = models["split"].paths[:2]
+    assert (first.layout.connection_type, second.layout.connection_type) == ("BEZIER", "BEZIER")
+    assert first.length_mm + second.length_mm == pytest.approx(there.length_mm, rel=0.01)
+    assert [each.vehicle_types[0].trajectory is None for each in (first, second)] == [False, False]
+    straight = models["straight"].paths[0]
+    assert (straight.length_mm, straight.layout.control_points) == (6000, ())
+    assert straight.vehicle_types[0].trajectory is None
+
+
+async def test_a_path_is_bent_by_its_handles(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        site(broker, interface_name, tmp_path) as made,
+        drawing(browser, made, "bent", "active") as page,
+    ):
+        await tool(page, "Two-way path")
+        model = await drawn(page)
+        row = sorted((each for each in model["points"] if each["yMm"] == 2000), key=lambda each: each["xMm"])
+        left, right = row[1]["xMm"] / 1000, row[2]["xMm"] / 1000
+        ends = {row[1]["name"], row[2]["name"]}
+        await drag(page, (left, 2), (right, 2))
+        await tool(page, "Select")
+        await page.mouse.click(*await at(page, (left + right) / 2, 2))
+        await page.get_by_label("Curve").check()
+
+        async def paths() -> list[Any]:
+            return [
+                each for each in (await drawn(page))["paths"] if {each["source"], each["destination"]} == ends
+            ]
+
+        one, two = await paths()
+        before = one["lengthMm"]
+        first = one["layout"]["controlPoints"][0]
+        await drag(page, (first["xMm"] / 1000, first["yMm"] / 1000), (left, 5))
+        await page.get_by_label("2: x in m").fill(str(right))
+        await page.get_by_label("2: x in m").press("Enter")
+        await page.get_by_label("2: y in m").fill("5")
+        await page.get_by_label("2: y in m").press("Enter")
+        one, two = await paths()
+        assert one["layout"]["controlPoints"] == [
+            {"xMm": left * 1000, "yMm": 5000},
+            {"xMm": right * 1000, "yMm": 5000},
+        ]
+        assert two["layout"]["controlPoints"] == one["layout"]["controlPoints"][::-1]
+        assert one["lengthMm"] > before * 1.2
+        await picture(page, "plant-curve")
+        # it is still one line, at its place: 3/4 of the way from the ends to the control points
+        await page.locator(CANVAS).press("Escape")
+        await page.mouse.click(*await at(page, (left + right) / 2, 4.25))
+        await expect(page.get_by_role("region", name="Selected")).to_contain_text("2 objects")
+        # a drag that is given up leaves it as it was
+        await page.mouse.move(*await at(page, left, 5))
+        await page.mouse.down()
+        await page.mouse.move(*await at(page, left - 1, 6))
+        await page.keyboard.press("Escape")
+        await page.mouse.up()
+        assert (await paths())[0] == one
         await expect(page.locator(SAVED)).to_be_visible()
         assert await findings(page) == []

@@ -1,5 +1,7 @@
 // Straight lines and Bézier curves on a canvas.
 
+const STEPS = 12; // of a curve
+
 /** Add a line (pixels) to the current canvas path; the pen is at its start. */
 export function trace(context, line, curved) {
   if (curved && line.length >= 4) {
@@ -27,4 +29,19 @@ export function middle(line, curved) {
   const half = Math.floor((line.length - 1) / 2);
   const [a, b] = [line[half], line[half + 1]];
   return [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2, Math.atan2(b[1] - a[1], b[0] - a[0])];
+}
+
+/** Return a Bézier curve as a line through points of it. */
+export function flattened({ line, curved }) {
+  if (!curved || line.length < 4) return line;
+  const points = [line[0]];
+  for (let at = 0; at + 3 < line.length; at += 3) {
+    for (let step = 1; step <= STEPS; step += 1) points.push(onCurve(line.slice(at, at + 4), step / STEPS));
+  }
+  return points;
+}
+
+function onCurve([a, b, c, d], at) {
+  const left = 1 - at;
+  return [0, 1].map((axis) => left ** 3 * a[axis] + 3 * left ** 2 * at * b[axis] + 3 * left * at ** 2 * c[axis] + at ** 3 * d[axis]);
 }

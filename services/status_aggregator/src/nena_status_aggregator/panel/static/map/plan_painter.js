@@ -2,7 +2,7 @@
 
 import { paintGrids } from "./grids.js";
 import { Labels } from "./labels.js";
-import { middle, stroke, trace } from "./lines.js";
+import { flattened, middle, stroke, trace } from "./lines.js";
 import { labelWaiting, paintWaiting } from "./waiting.js";
 import { labelZones, paintZones } from "./zones.js";
 
@@ -106,7 +106,6 @@ export function extent(places) {
 
 const NEAR_PLACE = 10; // px
 const NEAR_PATH = 7; // px
-const STEPS = 12;
 
 /** Return the name of the point, location or path at a place of the screen; null if there is none. */
 export function placeAt(plan, view, [x, y]) {
@@ -123,21 +122,6 @@ export function placeAt(plan, view, [x, y]) {
 
 function distance([x, y], [otherX, otherY]) {
   return Math.hypot(x - otherX, y - otherY);
-}
-
-// A Bézier curve as a line through points of it.
-function flattened({ line, curved }) {
-  if (!curved || line.length < 4) return line;
-  const points = [line[0]];
-  for (let at = 0; at + 3 < line.length; at += 3) {
-    for (let step = 1; step <= STEPS; step += 1) points.push(onCurve(line.slice(at, at + 4), step / STEPS));
-  }
-  return points;
-}
-
-function onCurve([a, b, c, d], at) {
-  const left = 1 - at;
-  return [0, 1].map((axis) => left ** 3 * a[axis] + 3 * left ** 2 * at * b[axis] + 3 * left * at ** 2 * c[axis] + at ** 3 * d[axis]);
 }
 
 function distanceToLine(place, line) {

@@ -121,7 +121,7 @@ function joinedAt(model, name) {
       locked: Boolean(first.locked || second.locked),
       properties: first.properties ?? {},
       peripheralOperations: [...(first.peripheralOperations ?? []), ...(second.peripheralOperations ?? [])],
-      ...(first.vehicleTypes && { vehicleTypes: first.vehicleTypes.map(({ trajectory, ...kept }) => kept) }),
+      ...(first.vehicleTypes && { vehicleTypes: first.vehicleTypes.map(({ trajectory, ...kept }) => kept) }), // it is straight
     };
     const inside = ({ members = [] }) => (members.includes(first.name) || members.includes(second.name) ? [whole] : []);
     const blocks = (connected.blocks ?? []).map((block) => ({ ...block, members: [...(block.members ?? []), ...inside(block)] }));
@@ -130,12 +130,13 @@ function joinedAt(model, name) {
   return made === model ? model : remove(made, [name]);
 }
 
-/** Add the way back of paths that have none, of the same length and speed. */
+/** Add the way back of paths that have none, of the same shape, length and speed. */
 export function withWayBack(model, names) {
   return names.reduce((made, name) => {
-    const { source, destination, lengthMm, maxVelocityMmS, locked } = find(made, name).thing;
+    const { source, destination, lengthMm, maxVelocityMmS, locked, layout } = find(made, name).thing;
     const connected = connect(made, destination, source, false);
-    return connected === made ? made : change(connected, "paths", [connected.paths.at(-1).name], { lengthMm, maxVelocityMmS, locked });
+    const shape = layout?.controlPoints && { layout: { ...layout, controlPoints: [...layout.controlPoints].reverse() } };
+    return connected === made ? made : change(connected, "paths", [connected.paths.at(-1).name], { lengthMm, maxVelocityMmS, locked, ...shape });
   }, model);
 }
 

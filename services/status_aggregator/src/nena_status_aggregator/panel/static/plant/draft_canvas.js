@@ -6,12 +6,14 @@ import { readColours } from "../map/painter.js";
 import { extent } from "../map/plan_painter.js";
 import { Viewport } from "../map/viewport.js";
 import { join, placesAlong, stationRow, turn } from "./building.js";
+import { bend } from "./curves.js";
 import { DraftPainter } from "./draft_painter.js";
 import { add, apart, connect, find, freshName, move, remove, snapped, split } from "./model.js";
-import { hit, inside, makeScene, parted } from "./scene.js";
+import { hit, inside, makeScene, parted, partedLine } from "./scene.js";
 
 const MM = 1000;
 const CLICK = 4; // px
+const HANDLE = 10; // px
 const ZOOM = 1.25;
 const PAN = 60; // px
 const FINE = 0.1; // m, steps of the arrow keys without a grid
@@ -160,10 +162,17 @@ class DraftCanvas extends HTMLElement {
       this.#pending = false;
       if (!this.canvas.width || !this.canvas.height) return;
       const { drag, box, ruler, row, parts } = this.#gesture ?? {};
+      const bent = this.#bent();
       const { selection, findings, grids, robots, grid, colours } = this;
       const [still, moving] = parts ?? [this.#scene, null];
-      this.#painter.paint(this.canvas, this.view, { still, moving, selection, findings, grids, robots, grid, drag, box, ruler, row, colours });
+      this.#painter.paint(this.canvas, this.view, { still, moving, selection, findings, grids, robots, grid, drag, box, ruler, row, bent, colours });
     });
+  }
+
+  // The line whose control points can be dragged: the only one that is selected.
+  #bent() {
+    if (!this.selection.length) return undefined;
+    return this.#scene.lines.find(({ corners, names }) => corners.length && this.selection.every((name) => names.includes(name)));
   }
 
   #describe({ kind, thing }, count) {
@@ -202,8 +211,17 @@ class DraftCanvas extends HTMLElement {
     const at = [event.offsetX, event.offsetY];
     const place = this.view.toPlane(...at);
     const names = event.button ? [] : hit(this.#scene, this.view, at);
-    this.#gesture = { at, last: at, place, names, kind: event.button ? "pan" : this.#kindOf(event, names) };
+    const handle = event.button || this.tool !== "select" ? null : this.#handleAt(at);
+    this.#gesture = { at, last: at, place, names, kind: event.button ? "pan" : handle ? "bend" : this.#kindOf(event, names), ...handle };
     if (this.#gesture.kind === "move") this.#grab(event, names);
+    else if (this.#gesture.kind === "bend") Object.assign(this.#gesture, { parts: partedLine(this.#scene, this.#gesture.line), from: this.#gesture.line.corners[this.#gesture.index] });
+  }
+
+  #handleAt([px, py]) {
+    const line = this.#bent();
+    const away = ([x, y]) => Math.hypot(x - px, y - py);
+    const index = line?.corners.findIndex((corner) => away(this.view.toScreen(...corner)) <= HANDLE) ?? -1;
+    return index < 0 ? null : { line, index };
   }
 
   #kindOf(event, names) {
@@ -237,11 +255,18 @@ class DraftCanvas extends HTMLElement {
     if (gesture.kind === "pan") this.view.pan(here[0] - gesture.last[0], here[1] - gesture.last[1]);
     else if (gesture.kind === "move") this.#drag(place);
     else if (gesture.kind === "box") gesture.box = [gesture.place, place];
+    else if (gesture.kind === "bend") this.#dragHandle(place);
     else if (gesture.kind === "row") this.#dragRow(place);
     else gesture[gesture.kind === "ruler" ? "ruler" : "drag"] = [gesture.place, place];
     if (gesture.kind === "ruler" || gesture.kind === "connect") this.#readLength(gesture.place, place);
     gesture.last = here;
     this.draw();
+  }
+
+  #dragHandle(place) {
+    const { line, index } = this.#gesture;
+    line.corners[index] = this.#snap(place).map((each) => each / MM);
+    this.#read(line.corners[index]);
   }
 
   #dragRow(place) {
@@ -268,6 +293,7 @@ class DraftCanvas extends HTMLElement {
     if ((gesture.travel ?? 0) < CLICK) this.#click(gesture, event);
     else if (gesture.kind === "move") this.#edit(move(this.model, gesture.moved, ...gesture.by.map((each) => Math.round(each * MM))), this.selection);
     else if (gesture.kind === "box") this.select([...new Set([...this.selection, ...inside(this.#scene, gesture.place, place)])]);
+    else if (gesture.kind === "bend") this.#edit(bend(this.model, gesture.line.names, gesture.index, gesture.line.corners[gesture.index].map((each) => Math.round(each * MM))), this.selection);
     else if (gesture.kind === "row") this.addRow(gesture.row.map(([x, y]) => [x * MM, y * MM]));
     else if (gesture.kind === "connect") this.#connectTo(gesture.names[0], place, [event.offsetX, event.offsetY]);
     this.draw();
@@ -284,6 +310,7 @@ class DraftCanvas extends HTMLElement {
   }
 
   #click({ kind, names, place }, event) {
+    if (kind === "bend") return;
     if (kind === "move") {
       if (!event.shiftKey && !event.ctrlKey) this.select(names); // of several, only this one
       return;
@@ -296,6 +323,7 @@ class DraftCanvas extends HTMLElement {
 
   #cancel() {
     for (const { thing, x, y } of this.#gesture?.things ?? []) Object.assign(thing, { x, y });
+    if (this.#gesture?.line) this.#gesture.line.corners[this.#gesture.index] = this.#gesture.from;
     this.#gesture = null;
     this.draw();
   }

@@ -24,7 +24,8 @@ export class DraftPainter {
 
   /**
    * Paint. `shown`: {still, moving: scenes, selection: names, findings: Map of name to whether it is an error, grids, robots, grid (m,
-   * 0: none), drag and ruler: [place, place], row: places, box: [corner, corner], colours}.
+   * 0: none), drag and ruler: [place, place], row: places, box: [corner, corner], bent: line with
+   * handles, colours}.
    */
   paint(canvas, view, shown) {
     const wanted = [shown.still, shown.selection, shown.findings, shown.grid, shown.colours, canvas.width, canvas.height, view.scale, shown.grids.map(({ grid }) => grid.digest).join()];
@@ -212,7 +213,7 @@ function paintFindings(context, view, scene, lines, findings, colours) {
   for (const [name, isError] of findings) {
     const thing = scene.points.get(name) ?? scene.locations.get(name);
     if (thing) ring(thing.x, thing.y, isError);
-    else for (const { from, to } of lines.filter(({ names }) => names.includes(name))) ring((from.x + to.x) / 2, (from.y + to.y) / 2, isError);
+    else for (const line of lines.filter(({ names }) => names.includes(name))) ring(...view.toPlane(...middle(onScreen(view, line), line.curved)), isError);
   }
 }
 
@@ -266,10 +267,11 @@ function paintRobot(context, view, { name, x, y, theta }, colours) {
   context.fillText(name, px, py - 14);
 }
 
-function paintGesture(context, view, { drag, box, ruler, row = [], colours }) {
+function paintGesture(context, view, { drag, box, ruler, row = [], bent, colours }) {
   context.strokeStyle = colours.accent;
   context.lineWidth = 2;
   context.setLineDash([6, 4]);
+  if (bent) paintHandles(context, onScreen(view, bent), bent.curved, colours);
   for (const pair of [drag, ruler]) {
     if (!pair) continue;
     context.beginPath();
@@ -287,4 +289,23 @@ function paintGesture(context, view, { drag, box, ruler, row = [], colours }) {
     context.strokeRect(left, top, right - left, bottom - top);
   }
   context.setLineDash([]);
+}
+
+// Of a curve, each control point hangs at its end.
+function paintHandles(context, line, curved, colours) {
+  context.lineWidth = 1;
+  for (const [a, b] of curved ? [line.slice(0, 2), line.slice(-2)] : []) {
+    context.beginPath();
+    context.moveTo(...a);
+    context.lineTo(...b);
+    context.stroke();
+  }
+  context.setLineDash([]);
+  context.lineWidth = 2;
+  context.fillStyle = colours.surface;
+  for (const [x, y] of line.slice(1, -1)) {
+    context.fillRect(x - 5, y - 5, 10, 10);
+    context.strokeRect(x - 5, y - 5, 10, 10);
+  }
+  context.setLineDash([6, 4]);
 }

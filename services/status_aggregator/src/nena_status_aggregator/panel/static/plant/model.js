@@ -1,5 +1,8 @@
 // Changes of a plant model (NeNa's JSON, mm): each returns a new model, which shares what stays the same. No DOM.
 
+import { flattened } from "../map/lines.js";
+import { drawnLength, halves, lineOf, traced } from "./curves.js";
+
 const LISTS = ["points", "paths", "locations"];
 const SPEED = 1000; // mm/s
 
@@ -126,19 +129,16 @@ function place(model, where) {
   return { ...model, points, locations, paths };
 }
 
-// A length that was set by hand keeps its ratio to the distance; a trajectory would no longer lead to the points.
+// A length that was set by hand keeps its ratio to what is drawn; the control points go with the nearer end.
 function adapted(path, ends, before, after) {
-  const distance = (points) => apart(points.get(path.source), points.get(path.destination));
-  const [old, now] = [distance(before), distance(after)];
-  const lengthMm = Math.max(1, Math.round(old ? (path.lengthMm * now) / old : now));
   const [from, to] = ends.map((shift) => shift ?? [0, 0]);
-  const corner = (each) => ({ xMm: each.xMm + (from[0] + to[0]) / 2, yMm: each.yMm + (from[1] + to[1]) / 2 });
-  const layout = path.layout?.controlPoints && { layout: { ...path.layout, controlPoints: path.layout.controlPoints.map(corner) } };
-  return { ...withoutTrajectories(path), lengthMm, ...layout };
-}
-
-function withoutTrajectories(path) {
-  return path.vehicleTypes ? { ...path, vehicleTypes: path.vehicleTypes.map(({ trajectory, ...kept }) => kept) } : path;
+  const corners = path.layout?.controlPoints ?? [];
+  const share = (at) => (corners.length > 1 ? at / (corners.length - 1) : 0.5);
+  const shift = (at, axis) => from[axis] + (to[axis] - from[axis]) * share(at);
+  const controlPoints = corners.map((each, at) => ({ xMm: each.xMm + shift(at, 0), yMm: each.yMm + shift(at, 1) }));
+  const moved = corners.length ? { ...path, layout: { ...path.layout, controlPoints } } : path;
+  const [old, now] = [drawnLength(path, before), drawnLength(moved, after)];
+  return traced({ ...moved, lengthMm: Math.max(1, Math.round(old ? (path.lengthMm * now) / old : now)) }, after, Boolean);
 }
 
 function byName(things) {
@@ -215,20 +215,36 @@ export function remove(model, names) {
   return { ...model, points: rest("points"), paths: rest("paths").map(doors), locations: rest("locations").map(linked), blocks: blocks.filter(({ members }, at) => members.length || !model.blocks[at].members?.length) };
 }
 
-/** Insert a point into paths: each becomes two, in the blocks of the path. */
+/** Insert a point into paths: each becomes two, in the blocks of the path; a curve becomes two curves. */
 export function split(model, names, point) {
+  const points = byName([...(model.points ?? []), point]);
   return names.reduce((made, name) => {
-    const { layout, peripheralOperations = [], ...path } = withoutTrajectories(find(made, name).thing);
-    const [from, to] = [find(made, path.source).thing, find(made, path.destination).thing];
-    const ratio = path.lengthMm / (apart(from, to) || 1);
-    const part = (a, b, operations) => ({ ...path, name: pathName(a.name, b.name), source: a.name, destination: b.name, lengthMm: Math.max(1, Math.round(ratio * apart(a, b))), peripheralOperations: operations });
+    const whole = find(made, name).thing;
+    const { layout, peripheralOperations = [], ...path } = whole;
+    const [from, to] = [points.get(path.source), points.get(path.destination)];
+    const ratio = path.lengthMm / (drawnLength(whole, points) || 1);
+    const { line, curved } = lineOf(whole, points);
+    const curves = curved && line.length === 4 ? halves(line, shareAt(line, point)) : [];
+    const part = (a, b, operations, at) => {
+      const shape = curves.length && { layout: { ...layout, controlPoints: curves[at].map(([xMm, yMm]) => ({ xMm, yMm })) } };
+      const drawn = { ...path, name: pathName(a.name, b.name), source: a.name, destination: b.name, peripheralOperations: operations, ...shape };
+      return traced({ ...drawn, lengthMm: Math.max(1, Math.round(ratio * drawnLength(drawn, points))) }, points, Boolean);
+    };
     const atEnd = ({ executionTrigger }) => executionTrigger === "AFTER_MOVEMENT";
-    const parts = [part(from, point, peripheralOperations.filter((each) => !atEnd(each))), part(point, to, peripheralOperations.filter(atEnd))];
+    const parts = [part(from, point, peripheralOperations.filter((each) => !atEnd(each)), 0), part(point, to, peripheralOperations.filter(atEnd), 1)];
     const paths = made.paths.flatMap((each) => (each.name === name ? parts : [each]));
     const inside = (member) => (member === name ? [parts[0].name, point.name, parts[1].name] : [member]);
     const blocks = (made.blocks ?? []).map((each) => ({ ...each, members: [...new Set((each.members ?? []).flatMap(inside))] }));
     return { ...made, paths, blocks };
   }, add(model, "points", point));
+}
+
+// The share of a curve at which it is nearest to a point.
+function shareAt(line, { xMm, yMm }) {
+  const places = flattened({ line, curved: true });
+  const away = ([x, y]) => Math.hypot(x - xMm, y - yMm);
+  const nearest = places.reduce((least, each, at) => (away(each) < away(places[least]) ? at : least), 0);
+  return nearest / (places.length - 1);
 }
 
 /** Round to a multiple of a grid, mm; 0: to whole mm. */

@@ -3,6 +3,7 @@
 import { button, element, field, numberInput, numberOf, verbatim } from "../dom.js";
 import { number, t } from "../i18n.js";
 import { placesBeside, withWayBack } from "./building.js";
+import { bend, reshaped, straightCurve } from "./curves.js";
 import { change, find, put, rename } from "./model.js";
 
 const MM = 1000;
@@ -96,21 +97,33 @@ function pathFields(form, canvas) {
   const parts = form.names.map((name) => verbatim("button", name, { type: "button" }));
   for (const [at, each] of parts.entries()) each.addEventListener("click", () => canvas.select([form.names[at]]));
   const actions = element("div", { class: "actions" }, ...(oneWays.length ? [both] : []), turn);
-  const row = rowFields(form, canvas);
-  if (!form.single) return [speed, locked, actions, ...(parts.length < 5 ? [element("div", { class: "actions" }, ...parts)] : []), ...row];
+  const points = new Map(form.model.points.map((each) => [each.name, each]));
+  const curve = form.check("plant.curve", ({ layout }) => Boolean(layout?.controlPoints?.length), (on) => (path) => reshaped(path, points, on ? straightCurve(path, points) : []));
+  const isWay = form.things.slice(1).every(({ source, destination }) => source === form.things[0].destination && destination === form.things[0].source);
+  const isCurve = Boolean(form.things[0].layout?.controlPoints?.length);
+  const row = !isWay ? [] : isCurve ? handleFields(form) : rowFields(form, canvas);
+  if (!form.single) return [speed, locked, curve, actions, ...(parts.length < 5 ? [element("div", { class: "actions" }, ...parts)] : []), ...row];
   const length = form.amount("plant.length", "lengthMm", { factor: MM, least: 0.001 });
-  return [form.name(), element("div", { class: "fields" }, length, speed), locked, actions, form.properties(), ...row];
+  return [form.name(), element("div", { class: "fields" }, length, speed), locked, curve, actions, form.properties(), ...row];
+}
+
+// The control points of a path, or of both ways between two points.
+function handleFields(form) {
+  const inputs = form.things[0].layout.controlPoints.flatMap(({ xMm, yMm }, at) => [["plant.handleX", 0], ["plant.handleY", 1]].map(([key, axis]) => {
+    const input = numberInput({ value: [xMm, yMm][axis] / MM, required: true });
+    const place = () => [xMm, yMm].map((each, which) => (which === axis ? Math.round(numberOf(input) * MM) : each));
+    return changed(t(key, { number: at + 1 }), input, () => form.edit(bend(form.model, form.names, at, place()), form.names));
+  }));
+  return [element("h4", {}, t("plant.handles")), element("div", { class: "fields" }, ...inputs)];
 }
 
 // A row of stations beside a path, or both ways between two points.
 function rowFields(form, canvas) {
-  const [path, ...others] = form.things;
-  if (others.some(({ source, destination }) => source !== path.destination || destination !== path.source)) return [];
   const count = numberInput({ value: 3, min: 1, max: 200, step: 1, required: true });
   const distance = numberInput({ value: canvas.spacing, min: 0.1, required: true });
   const beside = numberInput({ value: 1, required: true });
   const make = button(t("plant.makeRow"), () => {
-    if ([count, distance, beside].every((each) => each.reportValidity())) canvas.addRow(placesBeside(form.model, path, numberOf(count), numberOf(distance) * MM, numberOf(beside) * MM));
+    if ([count, distance, beside].every((each) => each.reportValidity())) canvas.addRow(placesBeside(form.model, form.things[0], numberOf(count), numberOf(distance) * MM, numberOf(beside) * MM));
   });
   return [element("h4", {}, t("plant.row")), element("div", { class: "fields" }, field(t("plant.rowCount"), count), field(t("plant.spacing"), distance), field(t("plant.rowBeside"), beside)), element("div", { class: "actions" }, make)];
 }

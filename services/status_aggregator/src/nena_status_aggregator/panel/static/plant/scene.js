@@ -1,10 +1,12 @@
 // A plant model as it is drawn (m), and what is at a place of it. No DOM.
 
+import { flattened } from "../map/lines.js";
+
 const MM = 1000;
 const NEAR = 11; // px
 const NEAR_LINE = 7; // px
 
-/** Return what to draw: points and locations by name, and lines, one for both directions of a straight way. */
+/** Return what to draw: points and locations by name, and lines, one for both directions of a way. */
 export function makeScene(model) {
   const points = new Map((model.points ?? []).map((thing) => [thing.name, { name: thing.name, x: thing.xMm / MM, y: thing.yMm / MM, parking: thing.type === "PARK_POSITION", heading: thing.orientationDeg ?? null }]));
   const charging = new Set((model.locationTypes ?? []).filter((type) => (type.allowedOperations ?? []).includes("Charge")).map(({ name }) => name));
@@ -18,7 +20,7 @@ export function makeScene(model) {
     if (!from || !to) continue;
     const corners = (path.layout?.controlPoints ?? []).map((each) => [each.xMm / MM, each.yMm / MM]);
     const [forward, backward] = [(path.maxVelocityMmS ?? 1000) > 0, (path.maxReverseVelocityMmS ?? 0) > 0];
-    const opposite = !corners.length && lines.get(`${path.destination} ${path.source}`);
+    const opposite = lines.get([path.destination, path.source, ...[...corners].reverse()].join(" "));
     if (opposite) {
       opposite.names.push(path.name);
       opposite.forward ||= backward;
@@ -26,7 +28,7 @@ export function makeScene(model) {
       opposite.locked ||= Boolean(path.locked);
     } else {
       const curved = ["BEZIER", "BEZIER_3"].includes(path.layout?.connectionType);
-      lines.set(corners.length ? path.name : `${path.source} ${path.destination}`, { names: [path.name], from, to, corners, curved, forward, backward, locked: Boolean(path.locked) });
+      lines.set([path.source, path.destination, ...corners].join(" "), { names: [path.name], from, to, corners, curved, forward, backward, locked: Boolean(path.locked) });
     }
   }
   const named = new Map([...lines.values()].flatMap((line) => line.names.map((name) => [name, line])));
@@ -51,6 +53,12 @@ export function parted(scene, names) {
   return [part(false), part(true)];
 }
 
+/** Return two scenes: without and with only a line. */
+export function partedLine(scene, line) {
+  const others = scene.lines.filter((each) => each !== line);
+  return [{ ...scene, lines: others }, { points: new Map(), locations: new Map(), blocks: [], lines: [line] }];
+}
+
 /** Return the names of what is at a place of the screen: a point, a location, or the paths of a line; empty: nothing. */
 export function hit(scene, view, [px, py]) {
   let [found, least] = [null, NEAR];
@@ -64,7 +72,8 @@ export function hit(scene, view, [px, py]) {
   if (found) return found;
   least = NEAR_LINE;
   for (const line of scene.lines) {
-    const places = [[line.from.x, line.from.y], ...line.corners, [line.to.x, line.to.y]].map(([x, y]) => view.toScreen(x, y));
+    const corners = [[line.from.x, line.from.y], ...line.corners, [line.to.x, line.to.y]];
+    const places = flattened({ line: corners.map(([x, y]) => view.toScreen(x, y)), curved: line.curved });
     for (let at = 1; at < places.length; at += 1) {
       const away = toSegment([px, py], places[at - 1], places[at]);
       if (away < least) [found, least] = [line.names, away];
