@@ -826,3 +826,49 @@ async def test_a_path_is_bent_by_its_handles(
         assert (await paths())[0] == one
         await expect(page.locator(SAVED)).to_be_visible()
         assert await findings(page) == []
+
+
+async def test_a_door_is_drawn_on_a_path(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        site(broker, interface_name, tmp_path) as made,
+        drawing(browser, made, "door", "active") as page,
+    ):
+        model = await drawn(page)
+        row = sorted((each for each in model["points"] if each["yMm"] == 2000), key=lambda each: each["xMm"])
+        (left, right), middle = (each["xMm"] / 1000 for each in row[1:3]), row[1]["xMm"] / 1000 + 2
+        await page.get_by_label("Kind of new locations").select_option(label="Door")
+        await tool(page, "Location")
+        await page.mouse.click(*await at(page, middle, 3))
+        await expect(page.get_by_label("Operations of all")).to_have_value("open, close")
+        [door] = (await drawn(page))["locations"][-1:]
+        await tool(page, "One-way path")
+        await drag(page, (middle, 3), (left + 2.5, 2))
+        ends = {row[1]["name"], row[2]["name"]}
+
+        async def operations() -> list[Any]:
+            return [
+                each.get("peripheralOperations", [])
+                for each in (await drawn(page))["paths"]
+                if {each["source"], each["destination"]} == ends
+            ]
+
+        first = {"name": "open", "executionTrigger": "AFTER_ALLOCATION", "completionRequired": True}
+        last = {"name": "close", "executionTrigger": "AFTER_MOVEMENT", "completionRequired": False}
+        expected = [{**each, "location": door["name"]} for each in (first, last)]
+        found = await operations()
+        assert found
+        assert all(each == expected for each in found)
+        await tool(page, "Select")
+        await page.mouse.click(*await at(page, right - 0.5, 2))
+        field = page.get_by_label("Door on the way")
+        await expect(field).to_have_value(door["name"])
+        await picture(page, "plant-door")
+        await field.select_option(label="none")
+        assert not any(await operations())
+        await field.select_option(door["name"])
+        assert all(each == expected for each in await operations())
+        await expect(page.locator(SAVED)).to_be_visible()
+        await expect(page.locator("li[data-code=LOCATION_WITHOUT_LINK]")).to_have_count(0)
+        assert await findings(page) == []

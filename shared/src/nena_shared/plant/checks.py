@@ -391,13 +391,13 @@ def _track_warnings(model: PlantModel) -> Iterator[PlantProblem]:
 
 def _location_warnings(model: PlantModel) -> Iterator[PlantProblem]:
     for location in model.locations:
-        kind, name = ObjectKind.LOCATION, location.name
-        if not location.links:
-            text = "no link, so no vehicle can be sent there (a peripheral device needs none)"
+        kind, name, its_type = ObjectKind.LOCATION, location.name, model.location_type(location.type)
+        if not location.links and (its_type.allowed_operations or not its_type.allowed_peripheral_operations):
+            text = "no link, so no vehicle can be sent there"
             yield PlantProblem("LOCATION_WITHOUT_LINK", kind, name, text)
         if location.locked:
             yield PlantProblem("LOCATION_LOCKED", kind, name, "locked, so orders to it are refused")
-        allowed = model.location_type(location.type).allowed_operations
+        allowed = its_type.allowed_operations
         for link in location.links:
             if unknown := set(link.allowed_operations) - {*allowed, NO_OPERATION}:
                 text = f"the link to {link.point!r} allows {sorted(unknown)}, but the location type does not"

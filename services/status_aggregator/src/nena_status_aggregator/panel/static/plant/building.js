@@ -1,4 +1,4 @@
-// Larger changes of a plant model: blocks, rows of stations, joined points, directions. Each returns a new model. No DOM.
+// Larger changes of a plant model: blocks, rows of stations, joined points, directions, doors. Each returns a new model. No DOM.
 
 import { add, align, apart, change, connect, find, freshName, pathName, remove, split } from "./model.js";
 
@@ -145,4 +145,21 @@ export function turn(model, names) {
   const [path, opposite] = names.map((name) => find(model, name).thing);
   if (opposite) return remove(model, [path.name]);
   return path.maxReverseVelocityMmS ? change(model, "paths", names, { maxReverseVelocityMmS: 0 }) : withWayBack(model, names);
+}
+
+/** Return the locations that are doors or other devices. */
+export function devices(model) {
+  const types = new Set((model.locationTypes ?? []).filter(({ allowedPeripheralOperations }) => allowedPeripheralOperations?.length).map(({ name }) => name));
+  return (model.locations ?? []).filter(({ type }) => types.has(type));
+}
+
+/** Let a door open before robots enter these paths, and close behind them; without a name, nothing opens. Another device: its first and second operation. */
+export function withDoor(model, names, location) {
+  const { thing } = find(model, location) ?? {};
+  const [open, close] = (thing && model.locationTypes.find(({ name }) => name === thing.type)?.allowedPeripheralOperations) ?? [];
+  const peripheralOperations = [
+    ...(open ? [{ name: open, location, executionTrigger: "AFTER_ALLOCATION", completionRequired: true }] : []),
+    ...(close ? [{ name: close, location, executionTrigger: "AFTER_MOVEMENT", completionRequired: false }] : []),
+  ];
+  return change(model, "paths", names, { peripheralOperations });
 }

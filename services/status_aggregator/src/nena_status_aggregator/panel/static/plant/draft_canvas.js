@@ -5,7 +5,7 @@ import { number, t } from "../i18n.js";
 import { readColours } from "../map/painter.js";
 import { extent } from "../map/plan_painter.js";
 import { Viewport } from "../map/viewport.js";
-import { join, placesAlong, stationRow, turn } from "./building.js";
+import { devices, join, placesAlong, stationRow, turn, withDoor } from "./building.js";
 import { bend } from "./curves.js";
 import { DraftPainter } from "./draft_painter.js";
 import { add, apart, connect, find, freshName, move, remove, snapped, split } from "./model.js";
@@ -299,9 +299,11 @@ class DraftCanvas extends HTMLElement {
     this.draw();
   }
 
-  // To what is there, or to a new point.
+  // To what is there, or to a new point; from a door to the path that it is on.
   #connectTo(from, place, at) {
-    const [to] = hit(this.#scene, this.view, at).filter((name) => find(this.model, name).kind !== "path");
+    const there = hit(this.#scene, this.view, at);
+    const [to] = there.filter((name) => find(this.model, name).kind !== "path");
+    if (there.length && !to && devices(this.model).some(({ name }) => name === from)) return this.#edit(withDoor(this.model, there, from), there);
     const twoWay = this.tool === "twoWay";
     if (to) return this.#edit(connect(this.model, from, to, twoWay), [to]);
     const [xMm, yMm] = this.#snap(place);

@@ -179,7 +179,11 @@ function paintLocations(context, view, locations, selected, colours) {
   context.setLineDash([2, 4]);
   context.strokeStyle = colours.location;
   context.beginPath();
-  for (const { x, y, links } of locations) {
+  for (const { x, y, links, doors } of locations) {
+    for (const line of doors) {
+      context.moveTo(...view.toScreen(x, y));
+      context.lineTo(...middle(onScreen(view, line), line.curved).slice(0, 2));
+    }
     for (const point of links) {
       context.moveTo(...view.toScreen(x, y));
       context.lineTo(...view.toScreen(point.x, point.y));
@@ -197,7 +201,8 @@ function paintLocations(context, view, locations, selected, colours) {
     context.strokeStyle = marked ? colours.accent : colours.location;
     context.stroke();
     context.fillStyle = marked ? colours.surface : colours.location;
-    context.fillRect(x - 4, y - 1.5, 8, 3);
+    if (location.device) for (const side of [-5, 2]) context.fillRect(x + side, y - 4, 3, 8); // two wings
+    else context.fillRect(x - 4, y - 1.5, 8, 3);
     if (location.charging) context.fillRect(x - 1.5, y - 4, 3, 8);
   }
 }

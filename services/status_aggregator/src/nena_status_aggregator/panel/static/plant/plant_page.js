@@ -18,7 +18,11 @@ const TOOLS = ["select", "point", "oneWay", "twoWay", "location", "row", "ruler"
 const GRIDS = [0, 0.1, 0.25, 0.5, 1, 2];
 const FORMATS = { nena: "NeNa JSON", opentcs: "openTCS XML", lif: "LIF 1.0", lif2: "LIF 2.0", "nav2-route": "Nav2 GeoJSON" };
 // Types of locations, named so that a station can have the singular.
-const STATIONS = { Stations: ["Load cargo", "Unload cargo"], Chargers: ["Charge"] };
+const STATIONS = {
+  Stations: { allowedOperations: ["Load cargo", "Unload cargo"] },
+  Chargers: { allowedOperations: ["Charge"] },
+  Doors: { allowedPeripheralOperations: ["open", "close"] },
+};
 const SHOWN = 200; // differences and findings
 const MM = 1000;
 const DEGREES = 180 / Math.PI;
@@ -391,7 +395,7 @@ function now() {
 function stationType(model, name) {
   const types = model.locationTypes ?? [];
   const known = types.find((each) => each.name === name);
-  return { model: known ? model : { ...model, locationTypes: [...types, { name, allowedOperations: STATIONS[name] }] }, type: name, prefix: t("plant.stationPrefix") };
+  return { model: known ? model : { ...model, locationTypes: [...types, { name, ...STATIONS[name] }] }, type: name, prefix: t(name === "Doors" ? "plant.doorPrefix" : "plant.stationPrefix") };
 }
 
 function differencesList({ differences, more }, reveal = null) {

@@ -1,8 +1,8 @@
 // The form of what is selected: numbers beside what is drawn.
 
-import { button, element, field, numberInput, numberOf, verbatim } from "../dom.js";
+import { button, element, field, numberInput, numberOf, select, verbatim } from "../dom.js";
 import { number, t } from "../i18n.js";
-import { placesBeside, withWayBack } from "./building.js";
+import { devices, placesBeside, withDoor, withWayBack } from "./building.js";
 import { bend, reshaped, straightCurve } from "./curves.js";
 import { change, find, put, rename } from "./model.js";
 
@@ -97,14 +97,25 @@ function pathFields(form, canvas) {
   const parts = form.names.map((name) => verbatim("button", name, { type: "button" }));
   for (const [at, each] of parts.entries()) each.addEventListener("click", () => canvas.select([form.names[at]]));
   const actions = element("div", { class: "actions" }, ...(oneWays.length ? [both] : []), turn);
+  const door = doorField(form);
   const points = new Map(form.model.points.map((each) => [each.name, each]));
   const curve = form.check("plant.curve", ({ layout }) => Boolean(layout?.controlPoints?.length), (on) => (path) => reshaped(path, points, on ? straightCurve(path, points) : []));
   const isWay = form.things.slice(1).every(({ source, destination }) => source === form.things[0].destination && destination === form.things[0].source);
   const isCurve = Boolean(form.things[0].layout?.controlPoints?.length);
   const row = !isWay ? [] : isCurve ? handleFields(form) : rowFields(form, canvas);
-  if (!form.single) return [speed, locked, curve, actions, ...(parts.length < 5 ? [element("div", { class: "actions" }, ...parts)] : []), ...row];
+  if (!form.single) return [speed, locked, curve, ...door, actions, ...(parts.length < 5 ? [element("div", { class: "actions" }, ...parts)] : []), ...row];
   const length = form.amount("plant.length", "lengthMm", { factor: MM, least: 0.001 });
-  return [form.name(), element("div", { class: "fields" }, length, speed), locked, curve, actions, form.properties(), ...row];
+  return [form.name(), element("div", { class: "fields" }, length, speed), locked, curve, ...door, actions, form.properties(), ...row];
+}
+
+// The door, or another device, that is on all paths; without one in the plant, no field.
+function doorField(form) {
+  const known = devices(form.model).map(({ name }) => [name, name, true]);
+  if (!known.length) return [];
+  const doors = new Set(form.things.map(({ peripheralOperations }) => peripheralOperations?.[0]?.location ?? ""));
+  const control = select([["", t("plant.noDoor")], ...known]);
+  control.value = doors.size === 1 ? [...doors][0] : "";
+  return [changed(t("plant.door"), control, () => form.edit(withDoor(form.model, form.names, control.value), form.names))];
 }
 
 // The control points of a path, or of both ways between two points.
@@ -139,13 +150,15 @@ function locationFields(form) {
     const made = types.some(({ name }) => name === type.value) ? model : { ...model, locationTypes: [...types, { name: type.value, allowedOperations: [] }] };
     form.edit(change(made, "locations", form.names, { type: type.value }), form.names);
   });
-  const operations = element("input", { type: "text", value: (types.find(({ name }) => name === location.type)?.allowedOperations ?? []).join(", "), translate: "no" });
+  const its = types.find(({ name }) => name === location.type);
+  const list = its?.allowedPeripheralOperations?.length ? "allowedPeripheralOperations" : "allowedOperations";
+  const operations = element("input", { type: "text", value: (its?.[list] ?? []).join(", "), translate: "no" });
   const operationsField = changed(t("plant.operations", { type: location.type }), operations, () => {
     const allowed = operations.value.split(",").map((each) => each.trim()).filter(Boolean);
-    form.edit(change(model, "locationTypes", [location.type], { allowedOperations: allowed }), form.names);
+    form.edit(change(model, "locationTypes", [location.type], { [list]: allowed }), form.names);
   });
   const unlink = (point) => button("×", () => form.apply({ links: location.links.filter((each) => each.point !== point) }), { "aria-label": t("plant.unlink", { point }) });
   const links = (location.links ?? []).map(({ point }) => element("li", {}, verbatim("span", point), " ", unlink(point)));
-  const linked = links.length ? element("ul", { class: "entries" }, ...links) : element("p", { class: "hint" }, t("plant.noLinks"));
+  const linked = links.length ? element("ul", { class: "entries" }, ...links) : element("p", { class: "hint" }, t(list === "allowedOperations" ? "plant.noLinks" : "plant.noDoors"));
   return [form.name(), element("div", { class: "fields" }, form.coordinate("form.x", 0), form.coordinate("form.y", 1)), typeField, known, operationsField, element("h4", {}, t("plant.links")), linked, locked, form.properties()];
 }

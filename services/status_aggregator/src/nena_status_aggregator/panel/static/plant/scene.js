@@ -1,6 +1,7 @@
 // A plant model as it is drawn (m), and what is at a place of it. No DOM.
 
 import { flattened } from "../map/lines.js";
+import { devices } from "./building.js";
 
 const MM = 1000;
 const NEAR = 11; // px
@@ -10,9 +11,10 @@ const NEAR_LINE = 7; // px
 export function makeScene(model) {
   const points = new Map((model.points ?? []).map((thing) => [thing.name, { name: thing.name, x: thing.xMm / MM, y: thing.yMm / MM, parking: thing.type === "PARK_POSITION", heading: thing.orientationDeg ?? null }]));
   const charging = new Set((model.locationTypes ?? []).filter((type) => (type.allowedOperations ?? []).includes("Charge")).map(({ name }) => name));
+  const device = new Set(devices(model).map(({ name }) => name));
   const locations = new Map((model.locations ?? []).map((thing) => {
     const { xMm = 0, yMm = 0 } = thing.layout?.position ?? thing;
-    return [thing.name, { name: thing.name, x: xMm / MM, y: yMm / MM, charging: charging.has(thing.type), links: (thing.links ?? []).map(({ point }) => points.get(point)).filter(Boolean) }];
+    return [thing.name, { name: thing.name, x: xMm / MM, y: yMm / MM, charging: charging.has(thing.type), device: device.has(thing.name), doors: new Set(), links: (thing.links ?? []).map(({ point }) => points.get(point)).filter(Boolean) }];
   }));
   const lines = new Map();
   for (const path of model.paths ?? []) {
@@ -31,7 +33,11 @@ export function makeScene(model) {
       lines.set([path.source, path.destination, ...corners].join(" "), { names: [path.name], from, to, corners, curved, forward, backward, locked: Boolean(path.locked) });
     }
   }
+  for (const path of model.paths ?? []) {
+    for (const { location } of path.peripheralOperations ?? []) locations.get(location)?.doors.add(path.name);
+  }
   const named = new Map([...lines.values()].flatMap((line) => line.names.map((name) => [name, line])));
+  for (const each of locations.values()) each.doors = [...new Set([...each.doors].map((name) => named.get(name)).filter(Boolean))];
   const blocks = (model.blocks ?? []).map(({ name, color, members = [] }) => {
     const pick = (things) => members.map((each) => things.get(each)).filter(Boolean);
     return { name, colour: color, corners: [...pick(points), ...pick(locations)], lines: [...new Set(pick(named))] };
@@ -42,7 +48,7 @@ export function makeScene(model) {
 /** Return two scenes: without and with only the named points and locations, and what is at them. */
 export function parted(scene, names) {
   const touched = ({ from, to }) => names.has(from.name) || names.has(to.name);
-  const linked = (each) => names.has(each.name) || each.links.some(({ name }) => names.has(name));
+  const linked = (each) => names.has(each.name) || each.links.some(({ name }) => names.has(name)) || each.doors.some(touched);
   const held = ({ corners, lines }) => corners.some(({ name }) => names.has(name)) || lines.some(touched);
   const part = (wanted) => ({
     blocks: scene.blocks.filter((block) => held(block) === wanted),
