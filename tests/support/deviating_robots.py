@@ -130,6 +130,12 @@ def _of_position() -> Iterator[Deviation]:
         {"agvPosition.mapId": str.upper},
         f'{map_id} "HALL": letter case',
     )
+    yield Deviation(
+        "coordinates as texts with a decimal comma",
+        {"agvPosition.x": "0,0"},
+        'state.agvPosition x "0,0": left out',
+        "cannot be dispatched: it reports neither a trusted pose",
+    )
     yield Deviation("heading as text", {"agvPosition.theta": "0.5"}, f'{at} "0.5": text as number')
     yield Deviation(
         "localizationScore 95",
@@ -177,6 +183,13 @@ def _of_battery() -> Iterator[Deviation]:
         {"batteryState.charging": "FALSE"},
         'state.batteryState.charging "FALSE": text as boolean',
     )
+    for words, value in (("null", None), ("255 for unknown", 255), ("with its unit", "85 %")):
+        yield Deviation(
+            f"battery {words}",
+            {"batteryState.batteryCharge": value},
+            f"{at} {json.dumps(value)}: replaced",
+            "must recharge first: critical energy",
+        )
     yield Deviation(
         "battery -1 %",
         {"batteryState.batteryCharge": -1},
@@ -202,6 +215,7 @@ def _of_motion() -> Iterator[Deviation]:
 def _of_errors() -> Iterator[Deviation]:
     level = "state.errors.errorLevel"
     fatal = "has a fatal error: "
+    yield Deviation("errorLevel as number", {"errors": _error(errorLevel=2)}, f"{level} 2: replaced", fatal)
     yield Deviation(
         "unknown errorLevel", {"errors": _error(errorLevel="ERROR")}, f'{level} "ERROR": replaced', fatal
     )
@@ -396,6 +410,12 @@ def _of_words() -> Iterator[Deviation]:
         "unknown eStop",
         {"safetyState.eStop": "PRESSED"},
         'state.safetyState.eStop "PRESSED": replaced',
+        "has an active emergency stop",
+    )
+    yield Deviation(
+        "eStop as boolean",
+        {"safetyState.eStop": False},
+        "state.safetyState.eStop false: replaced",
         "has an active emergency stop",
     )
     yield Deviation(

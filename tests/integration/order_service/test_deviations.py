@@ -133,7 +133,10 @@ def amiss(deviation: Deviation, vehicle: Mapping[str, Any], order: Mapping[str, 
         order["state"] == "FINISHED" or not vehicle["reason"].startswith(deviation.refusal)
     ):
         return f"{deviation.words}: {order['state']}, {vehicle['reason']}"
-    if deviation.refusal and deviation.refusal not in order["reason"]:
+    parts = [deviation.refusal]
+    if not deviation.refusal.startswith("sends states that are unreadable"):
+        parts.append(deviation.report.removeprefix("state.").rpartition(":")[0])
+    if deviation.refusal and any(part not in order["reason"] for part in parts):
         return f"{deviation.words}: the order's reason does not say why: {order['reason']}"
     if not deviation.refusal and order["state"] != "FINISHED":
         return f"{deviation.words}: {order['state']}, {order['reason']}; {vehicle['reason']}"

@@ -145,6 +145,8 @@ class ReasonCode(StrEnum):
     LOST = auto()
     LOST_TO_OTHER = auto()
     ABANDONED = auto()
+    REPORTS_ORDER = auto()
+    REPORTS_LAST_NODE = auto()
     ABANDONED_IN_MODE = auto()
 
     # What a robot's factsheet rules out
@@ -279,6 +281,7 @@ class ReasonCode(StrEnum):
     FATAL_ERROR = auto()
     NO_NAVIGATION = auto()
     NOT_LOCALISED = auto()
+    SAFEST_READING = auto()
     EMERGENCY_STOP = auto()
     IS_PAUSED = auto()
     IS_FREE = auto()

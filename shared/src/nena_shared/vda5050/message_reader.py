@@ -24,6 +24,7 @@ from nena_shared.vda5050.records import (
 from nena_shared.vda5050.repair import (
     EVERYWHERE,
     POSITIONS,
+    SUBSTITUTES,
     Repair,
     RepairKind,
     Repairs,
@@ -106,6 +107,8 @@ class MessageReader:
         """Robots whose headings are in degrees, by their topics without the last level."""
         self.undated = False
         """Whether the last message had no readable timestamp; its time of arrival was used instead."""
+        self.substituted: tuple[Repair, ...] = ()
+        """What the last message does not say in the standard's words, and was read as the safest value."""
 
     def know_plant(self, only_map: str, nodes: Iterable[str]) -> None:
         """Note what the plant decides: the only map (empty: it has none or several), the names of nodes."""
@@ -131,7 +134,7 @@ class MessageReader:
         Raises:
             MalformedMessageError: the message violates the standard and cannot be repaired.
         """
-        self.undated = False
+        self.undated, self.substituted = False, ()
         message = self._read(kind, topic, payload, major_version)
         found: list[Repair] = []
         # compared here, as a call for each message would cost as much as the rest of this
@@ -233,7 +236,9 @@ class MessageReader:
         if message is not None:
             self._learn_deviations(topic, message.version, codec, repairs)
             self.undated = ("timestamp", RepairKind.TIME_OF_ARRIVAL) in repairs
-            self._report(topic, repairs_of(repairs))
+            found = repairs_of(repairs)
+            self.substituted = tuple(repair for repair in found if repair.kind in SUBSTITUTES)
+            self._report(topic, found)
         return message
 
     def sighting(self, topic: str, payload: bytes, major_version: str) -> State | None:

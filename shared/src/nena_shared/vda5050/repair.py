@@ -100,6 +100,10 @@ class RepairKind(StrEnum):
     """Read as the nearest supported version of the topic's major version."""
 
 
+SUBSTITUTES: Final = frozenset({RepairKind.REPLACED, RepairKind.LEFT_OUT, RepairKind.CLAMPED})
+"""Kinds after which another value is used than the received one."""
+
+
 class Repair(NamedTuple):
     """One deviation of a message from the standard, and how it was handled."""
 

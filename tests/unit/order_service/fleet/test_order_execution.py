@@ -125,6 +125,13 @@ def test_an_order_that_is_never_accepted_fails_with_the_number_of_attempts() -> 
     assert bench.orders_sent() == ["m"] * 6
 
 
+def test_an_order_whose_id_the_robot_reports_otherwise_fails_with_that_id() -> None:
+    bench = sending()
+    bench.robot.order_id = "m-cut-of"
+    bench.wait(60, reporting=True)
+    assert str(failure(bench).reason).endswith("never accepted it: its states have orderId 'm-cut-of'")
+
+
 def test_an_order_that_the_broker_refuses_fails_at_once_and_names_the_topic() -> None:
     bench = sending()
     bench.take(bench.control.on_undeliverable("uagv/v2/ACME/r.1/order", bench.now))
@@ -532,7 +539,10 @@ def test_a_foreign_cancel_fails_the_vda_order() -> None:
     bench = driving()
     bench.robot._clear()
     bench.report()
-    assert str(failure(bench).reason) == "the robot abandoned the order"
+    assert str(failure(bench).reason) == (
+        "the robot abandoned the order: its states have no nodeStates left, but lastNodeId 'A' with "
+        "lastNodeSequenceId 0, not 'B' with 2"
+    )
 
 
 @pytest.mark.clause("6.6/restart")

@@ -10,6 +10,7 @@ from nena_order_service.dispatching.dispatcher import BUSY, Assignment, Dispatch
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.driving import Driving
 from nena_order_service.engine.order_knowledge import OrderFit, OrderKnowledge
+from nena_order_service.fleet.availability import with_received
 from nena_order_service.fleet.position import NotLocatedError
 from nena_order_service.fleet.robot import LinkStatus, RobotView
 from nena_order_service.fleet.vda_order import DROP
@@ -144,13 +145,14 @@ class Dispatching:
                 vehicle.name, BUSY if soon else obstacle, order_types=types, sequence=bound
             )
         energy, carried_loads = self.energy_of(vehicle, view), None
+        restriction = energy.restriction(fully=self._energy.until_fully_recharged) if energy else None
         # A host that plans all orders of a vehicle as a sequence knows itself what the vehicle carries.
         if not soon and view.state and self._loads_respected and not bound:
             carried_loads = reported_loads(view.state, view.factsheet)
         return DispatchedVehicle(
             vehicle.name,
             BUSY if soon else None,
-            restriction=energy.restriction(fully=self._energy.until_fully_recharged) if energy else None,
+            restriction=restriction and with_received(restriction, view.substituted),
             energy=energy.level if energy else 100.0,
             idle=(order is None or soon) and not (energy and energy.charging),
             gives_up=order.name if order and not soon else "",
@@ -172,7 +174,7 @@ class Dispatching:
         try:
             start = self._planner.standing(vehicle, view).point
         except NotLocatedError as error:
-            return Reason(R.NOT_DISPATCHABLE, error.reason), ""
+            return Reason(R.NOT_DISPATCHABLE, with_received(error.reason, view.substituted)), ""
         if view.state is None or not view.state.maps or not self._maps_respected:
             return None, start
         # Only the map of the start point: a robot itself rejects routes that lead over maps that it lacks.

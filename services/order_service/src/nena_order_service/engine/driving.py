@@ -11,7 +11,7 @@ from nena_order_service.engine.context import Context
 from nena_order_service.engine.peripherals import Peripherals
 from nena_order_service.engine.positions import Positions
 from nena_order_service.engine.stops import CLOSED, Stops
-from nena_order_service.fleet.availability import why_not_driving
+from nena_order_service.fleet.availability import why_not_driving, with_received
 from nena_order_service.fleet.failures import FailureKind, RobotBusyError
 from nena_order_service.fleet.instant_actions import STATE_REQUEST, without_parameters
 from nena_order_service.fleet.outputs import FleetOutput, VdaOrderFailed
@@ -172,7 +172,8 @@ class Pauses:
             standing = self._context.planner.standing(vehicle, view)
         except NotLocatedError as error:
             is_away = view.state is None or view.link is not LinkStatus.ONLINE
-            return Reason(R.ROBOT, view.availability.reason) if is_away else error.reason
+            away = Reason(R.ROBOT, view.availability.reason)
+            return away if is_away else with_received(error.reason, view.substituted)
         return self._context.planner.locked_out(order, vehicle, standing)
 
 

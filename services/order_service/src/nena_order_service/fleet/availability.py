@@ -9,6 +9,7 @@ from nena_order_service.fleet import failures
 from nena_order_service.fleet.robot import LinkStatus, is_idle
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.vehicle import VehicleState
+from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.state import EmergencyStop, State
 
 R = ReasonCode
@@ -20,6 +21,29 @@ LINK_REASONS: Final = {
     LinkStatus.CONNECTION_BROKEN: Reason(R.CONNECTION_LOST),
     LinkStatus.SILENT: Reason(R.IS_SILENT),
 }
+
+
+_POSITIONS: Final = ("agvPosition", "mobileRobotPosition")
+_LOCALISED: Final = {*_POSITIONS, "agvPosition.positionInitialized", "mobileRobotPosition.localized"}
+_RESTS_ON: Final = {
+    R.IN_MODE: {"operatingMode"},
+    R.EMERGENCY_STOP: {"safetyState", "safetyState.eStop", "safetyState.activeEmergencyStop"},
+    R.FATAL_ERROR: {"errors.errorLevel"},
+    R.MUST_RECHARGE: {
+        *("batteryState", "batteryState.batteryCharge"),
+        *("powerSupply", "powerSupply.stateOfCharge"),
+    },
+    R.NOT_LOCALISED: _LOCALISED,
+    R.NO_POSE: _LOCALISED,
+}
+"""Fields of a state on which reasons rest, by their paths on the wire."""
+
+
+def with_received(reason: Reason, substituted: Collection[Repair]) -> Reason:
+    """Return a reason with the received values, if it rests on what was read in place of them."""
+    fields = _RESTS_ON.get(reason.code, ())
+    received = "; ".join(f"{each.field} {each.received}" for each in substituted if each.field in fields)
+    return Reason(R.SAFEST_READING, reason, received=received) if received else reason
 
 
 def why_away(

@@ -154,6 +154,12 @@ class RobotControl:
         yield StateIgnored(self.robot.key)
         yield from self._report_change(now)
 
+    def on_substituted(self, repairs: tuple[Repair, ...]) -> None:
+        """Note what the next state does not say in the standard's words."""
+        if repairs != self.robot.substituted:
+            self.robot.substituted = repairs
+            self._changes += 1
+
     def on_state(self, message: State, now: float) -> Iterator[FleetOutput]:
         """Handle a state (section 6.6): instant actions first, because they may end a VDA order."""
         placed, was_unreadable = self.robot.placed, self.robot.unreadable
@@ -328,7 +334,7 @@ class RobotControl:
         else:
             stopped = availability.why_not_driving(robot.state) if robot.state else None
             reason = away or self._why_unsendable(now) or stopped
-            available = Availability(reason is None, reason or Reason(R.IS_FREE))
+            available = Availability(reason is None, self._explained(reason or Reason(R.IS_FREE)))
         return RobotView(
             key=robot.key,
             link=link,
@@ -343,6 +349,7 @@ class RobotControl:
             wait_reason=self._wait_reason(now, away),
             stale=robot.stale or self._instant_actions.unread,
             deviations=self._deviations(robot.key),
+            substituted=robot.substituted,
         )
 
     def _send_and_report(self, now: float) -> Iterator[FleetOutput]:
@@ -422,14 +429,17 @@ class RobotControl:
             reason = self._why_unsendable(now)
             unseen = self.robot.unreadable or (Reason(R.ORDER_UNCONFIRMED) if run.is_resent else None)
             reason = reason or unseen
-            return Reason(R.ROBOT, reason) if reason else None
+            return Reason(R.ROBOT, self._explained(reason)) if reason else None
         state = self.robot.state
         if run.phase is VdaOrderPhase.CANCELLING:
             stopped = availability.why_not_driving(state) if state else None
-            return Reason(R.ROBOT, away or stopped or Reason(R.END_UNCONFIRMED))
+            return Reason(R.ROBOT, self._explained(away or stopped or Reason(R.END_UNCONFIRMED)))
         stopped = availability.why_not_driving(state) or run.why_unfinished_at_end(state) if state else None
         reason = away or stopped
-        return Reason(R.ROBOT, reason) if reason else run.refused_update
+        return Reason(R.ROBOT, self._explained(reason)) if reason else run.refused_update
+
+    def _explained(self, reason: Reason) -> Reason:
+        return availability.with_received(reason, self.robot.substituted)
 
     def _stop_stray_order(self, now: float) -> None:
         """Cancel an order that the robot executes although it has already ended here."""

@@ -489,7 +489,7 @@ class FleetLink:
             for address in addresses.addresses_of(robot):
                 mqtt.subscribe_by_name(address.scheme.of(robot, Topic.CONNECTION))
         self._subscribe_to(Topic.FACTSHEET, Factsheet, self._controller.on_factsheet, qos=settings.qos)
-        self._subscribe_to(Topic.STATE, State, self._controller.on_state, qos=settings.qos)
+        self._subscribe_to(Topic.STATE, State, self._take_state, qos=settings.qos)
 
         for scheme in addresses.schemes:
             for topic in COMMANDS:
@@ -625,6 +625,10 @@ class FleetLink:
 
         for scheme in self._addresses.schemes:
             self._mqtt.subscribe(scheme.for_all(topic), partial(count_and_read, scheme), qos=qos)
+
+    def _take_state(self, robot: RobotKey, message: State, now: float) -> Outputs:
+        self._controller.control(robot).on_substituted(self._reader.substituted)
+        return self._controller.on_state(robot, message, now)
 
     def _read_message(
         self, kind: type[M], scheme: TopicScheme, inbound: Inbound, *, later: Callable[[], None]

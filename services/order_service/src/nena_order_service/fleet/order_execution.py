@@ -325,7 +325,10 @@ class OrderExecution:
         """Handle timeouts; ``unreadable``: why the robot's states cannot be used."""
         if self.phase is VdaOrderPhase.SENT and self._delivery.has_failed(now):
             times = self._settings.sendings
-            failure = self._failure_of(FailureKind.NOT_TAKEN, Reason(R.NEVER_ACCEPTED, count=times))
+            reason = Reason(R.NEVER_ACCEPTED, count=times)
+            if state and state.order_id:
+                reason = Reason(R.DETAILS, reason, Reason(R.REPORTS_ORDER, order=state.order_id))
+            failure = self._failure_of(FailureKind.NOT_TAKEN, reason)
             if unreadable:
                 reason = Reason(R.ACCEPTANCE_UNREADABLE, unreadable, count=times)
                 failure = self._failure_of(FailureKind.UNCLEAR, reason)
@@ -430,7 +433,16 @@ class OrderExecution:
             yield self._end_order(failure)
         elif progress.idle and not (progress.at_end and progress.unreported):
             # 6.6.8: without nodes, edges and running actions a robot has no order any more.
-            reason = Reason(R.ABANDONED)
+            reason, end = Reason(R.ABANDONED), self.vda_order.nodes[-1]
+            if not progress.at_end:
+                at = Reason(
+                    R.REPORTS_LAST_NODE,
+                    node=state.last_node_id,
+                    number=state.last_node_sequence_id,
+                    end=end.node_id,
+                    last=end.sequence_id,
+                )
+                reason = Reason(R.DETAILS, reason, at)
             yield self._end_order(self._failure_of(FailureKind.DRIVE, reason, _describe(state.errors)))
         elif failure:
             self._cancel_for(failure)

@@ -171,6 +171,8 @@ class RobotView:
     """Whether the state is from before the robot last connected."""
     deviations: tuple[Repair, ...] = ()
     """Deviations of its messages from the standard that were repaired."""
+    substituted: tuple[Repair, ...] = ()
+    """Those of the last state after which the safest value is used."""
 
 
 ORDER_PREFIX: Final = "order."
@@ -311,6 +313,8 @@ class Robot:
     """The problem of its last state or connection message; None if that could be read."""
     other_topic: Reason | None = None
     """That a message came on a topic like this robot's."""
+    substituted: tuple[Repair, ...] = ()
+    """What its last state does not say in the standard's words, and was read as the safest value."""
     states_unreadable: bool = False
     """Whether its last state could not be read."""
     _unreadable_at: float = -inf
