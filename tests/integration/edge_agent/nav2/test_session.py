@@ -195,7 +195,9 @@ async def test_tasks_and_changes_of_the_node_are_served_between_messages(domain_
 async def test_an_incompatible_publisher_of_a_reliable_topic_is_noticed(domain_id: int) -> None:
     noticed: list[object] = []
     async with session_with_node(domain_id) as (session, node):
-        lift = session.subscribe(node, String, "lift", RELIABLE, read=lambda each: each.data, handle=print)
+        lift = session.subscribe(
+            node, String, "lift", RELIABLE, read=lambda each: each.data, handle=print, events=True
+        )
         for handler in lift.event_handlers:
             handler.callback = noticed.append
         with RosPeer(domain_id) as peer:

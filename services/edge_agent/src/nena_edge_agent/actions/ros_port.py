@@ -222,6 +222,7 @@ class _Subscription:
             read=read_fields,
             handle=self._on_message,
             limit=MESSAGES_WAITING,
+            events=self._qos is not TopicQos.BEST_EFFORT,  # which fits each publisher
         )
 
     def _on_message(self, fields: Fields) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from action_msgs.msg import GoalStatusArray
@@ -29,7 +30,7 @@ from nena_edge_agent.nav2.offers import FOLLOW_PATH, interface
 from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.presence import LifecycleWatch, Presence, endpoints
 from nena_edge_agent.nav2.robot_base import BatteryReading
-from nena_edge_agent.nav2.session import LATCHED, RELIABLE, SENSOR, RosSession
+from nena_edge_agent.nav2.session import LATCHED, NO_EVENTS, RELIABLE, SENSOR, RosSession
 from nena_edge_agent.nav2.session_control import NodeExtension
 from nena_edge_agent.nav2.settings import RosSettings, status_of
 
@@ -159,8 +160,9 @@ class Nav2Node:
         self._node = node
         # Reliable matches bt_navigator's system default, which Fast DDS makes best effort, and Lyrical's
         # reliable one.
-        self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE)
-        self._initial_poses = node.create_publisher(PoseWithCovarianceStamped, names.initial_pose, RELIABLE)
+        publish = partial(node.create_publisher, qos_profile=RELIABLE, event_callbacks=NO_EVENTS)
+        self._goals = publish(PoseStamped, names.goal_pose)
+        self._initial_poses = publish(PoseWithCovarianceStamped, names.initial_pose)
         # Each client delays the start; the others are created with the first goal that may need a stop.
         controller, *others = (f"{action}/_action/cancel_goal" for action in names.motions)
         self._controller = node.create_client(CancelGoal, controller)

@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from functools import partial
 from typing import Any, Generic, TypeVar
 
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -74,6 +74,8 @@ LATCHED = QoSProfile(
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Matches every publisher, and never gets a latched message."""
 
+NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
+"""Without QoS events: rclpy builds the wait set twice for each message, and most of it would be events."""
 STATUS_ARRAYS = 10
 """Maximum number of status arrays waiting for the loop; each is complete, so the oldest can be dropped."""
 
@@ -147,6 +149,7 @@ class RosSession:
         handle: Callable[[T], None],
         limit: int = 1,
         due: Callable[[], bool] | None = None,
+        events: bool = False,
     ) -> Any:  # noqa: ANN401
         """Read each message of a topic in the ROS thread and handle the result in the loop.
 
@@ -154,7 +157,8 @@ class RosSession:
 
         At most ``limit`` readings wait for the loop; the oldest is dropped. A message that cannot be read is
         skipped; the first one after a good one is logged. For a topic with more messages than needed, ``due``
-        returns whether the next one is wanted: others are not even deserialised.
+        returns whether the next one is wanted: others are not even deserialised. ``events``: say in the log
+        that a publisher does not fit ``qos``; each such topic costs time for every message of the others.
         """
         mailbox = RosMailbox(limit, handle, self.post)
         well = True
@@ -171,9 +175,6 @@ class RosSession:
                     log.warning("messages cannot be used", topic=topic, reason=repr(error))
                 well = False
 
-        # The wait set is built for each message, so topics with many have no QoS events in it. A best-effort
-        # subscriber fits each publisher, and events of others say in the log why there are no messages.
-        events = due is None and qos.reliability is not ReliabilityPolicy.BEST_EFFORT
         return node.create_subscription(
             kind,
             topic,

@@ -50,10 +50,10 @@ class SpeedLimiter:
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         """Publish on a new node."""
-        from nena_edge_agent.nav2.session import RELIABLE  # noqa: PLC0415 - needs rclpy
+        from nena_edge_agent.nav2.session import NO_EVENTS, RELIABLE  # noqa: PLC0415 - needs rclpy
 
         kind = interface(SPEED_LIMIT)
-        self._publisher = node.create_publisher(kind, self._topic, RELIABLE)
+        self._publisher = node.create_publisher(kind, self._topic, RELIABLE, event_callbacks=NO_EVENTS)
         self._session, self._node, self._kind = session, node, kind
         # The subscriptions of the previous node say nothing about who has heard this publisher.
         self._listeners, self._sent = frozenset(), None
