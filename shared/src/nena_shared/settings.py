@@ -73,7 +73,7 @@ TopicPrefix = Annotated[str, Field(min_length=1, max_length=200), AfterValidator
 class SettingsGroup(BaseModel):
     """A group of settings; unknown names are errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 class NoSettings(SettingsGroup):
@@ -187,6 +187,7 @@ class ProgramSettings(BaseSettings):
         extra="forbid",
         frozen=True,
         validate_default=True,
+        defer_build=True,  # only the form with the settings of the extensions is used
     )
 
     log: LogSettings = Field(default_factory=LogSettings, description="Logging.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -55,6 +56,7 @@ ODD_NAMES_LOGGED = 10
 
 async def serve(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
     """Run every robot of ``settings`` until ``stop`` is set."""
+    gc.enable()  # off during the start
     if not settings.journal.enabled:
         await _serve_robots(settings, stop)
         return
