@@ -401,7 +401,7 @@ def _of_words() -> Iterator[Deviation]:
         "unknown operatingMode",
         {"operatingMode": "FLYING"},
         'state.operatingMode "FLYING": replaced',
-        "is in operating mode MANUAL, which takes no orders",
+        "is in operating mode manual, which takes no orders",
     )
     yield Deviation(
         "eStop in small letters", {"safetyState.eStop": "none"}, 'state.safetyState.eStop "none": letter case'

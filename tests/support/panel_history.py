@@ -13,6 +13,13 @@ SHIFT = Path(__file__).parents[1] / "fixtures" / "history" / "shift.jsonl"
 RECORDED = datetime(2026, 1, 1, tzinfo=UTC)
 """Day of the recorded shift."""
 
+SLIDE = """(time) => {
+  const slider = document.querySelector("nena-history-page .slider");
+  slider.value = time;
+  slider.dispatchEvent(new Event("input"));
+}"""
+"""Moves the slider to a time, ms."""
+
 
 def yesterday() -> datetime:
     """Return yesterday's midnight, UTC."""

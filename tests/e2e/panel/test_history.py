@@ -17,7 +17,7 @@ from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_status_aggregator.fleet.events import Code, Event, Values
 from support.fleet_examples import ROBOT, connection, position, state
 from support.panel import LABELS, Hall, becomes, findings, opened, picture, seconds_now
-from support.panel_history import recorded
+from support.panel_history import SLIDE, recorded
 from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -32,12 +32,6 @@ SHOWN = """() => document.querySelector("nena-fleet-map").replayed?.robots.map(
   (robot) => [robot.id, Math.round(robot.position.x), robot.condition]
 )"""
 """The robots that the map shows of the history."""
-
-SLIDE = """(time) => {
-  const slider = document.querySelector("nena-history-page .slider");
-  slider.value = time;
-  slider.dispatchEvent(new Event("input"));
-}"""
 
 LEAVE_WHILE_NARROWING = """() => {
   location.hash = "#/robots/ACME%2Fr1";
@@ -212,6 +206,8 @@ async def another_range_and_leaving_abort_the_load(page: Page) -> None:
     await page.route(REPLAY, late)
     await page.get_by_role("link", name="History").click()
     await awaited(loads, lambda count: count == 1, seconds=PATIENCE, what="the history loads")
+    await expect(page.get_by_role("slider")).to_be_disabled()  # it is moved to the end once it is loaded
+    await expect(page.get_by_role("button", name="Play")).to_be_disabled()
     async with page.expect_event("requestfailed", lambda request: request.url == begun[0]):
         await page.get_by_label("Time range").select_option("hour")
     await awaited(loads, lambda count: count == 2, seconds=PATIENCE, what="the other range loads")
@@ -263,7 +259,7 @@ async def test_events_are_filtered_grouped_and_linked(hall: Hall, browser: Brows
             await expect(events.filter(has_text="r2")).to_have_count(0)
             await shown.get_by_label("Severity").select_option("problems")
             await expect(events).to_have_count(1)
-            await expect(events).to_contain_text("nodeUnreachable: no way")
+            await expect(events).to_contain_text("Cannot reach the next point: no way")
             await expect(shown.locator(".marks i")).to_have_count(1)
             assert await findings(page) == []
             linked = page.url
@@ -322,7 +318,7 @@ async def events_are_in_the_language_of_the_panel(browser: Browser, hall: Hall) 
             ("transportOrder", "In Ausführung"),
             ("condition", "Frei: Kein Auftrag."),
             ("connection", "online"),
-            ("errorRaised", "nodeUnreachable: no way"),
+            ("errorRaised", "Nächster Punkt nicht erreichbar: no way"),
             ("link", "Verbunden."),
         ):
             await kind.select_option(code)

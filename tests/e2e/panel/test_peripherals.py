@@ -70,7 +70,7 @@ def devices(hall: Hall) -> None:
         4,
         "raise",
         PeripheralJobState.TO_BE_PROCESSED,
-        reason="waits for the device to execute 'raise'; it reports UNAVAILABLE",
+        reason="waits for the device to execute 'raise'; it reports unavailable",
     )
     shown = (
         peripheral_status(DOOR, PeripheralState.EXECUTING, opens, used_by=("AMR-01",)),
@@ -104,7 +104,7 @@ async def test_devices_are_listed_with_their_jobs(hall: Hall, browser: Browser) 
         await expect(names).to_have_text(["Lift", "Door 1", "Door 2/east"])  # what needs attention is first
         opening = ("Executing", "open", "In progress, requested", "AMR-01", "T-1", "Also waiting: AMR-02")
         failed = ("Idle", "open failed: light curtain interrupted")
-        away = ("Unavailable", "raise", "Waiting, requested", "it reports UNAVAILABLE", "AMR-04", "T-4")
+        away = ("Unavailable", "raise", "Waiting, requested", "it reports unavailable", "AMR-04", "T-4")
         for row, words in ((1, opening), (2, failed), (0, away)):
             for text in words:
                 await expect(rows.nth(row)).to_contain_text(text)

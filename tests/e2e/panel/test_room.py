@@ -94,6 +94,14 @@ ORDER_ROWS = """() => [...document.querySelectorAll("tr[data-order]")].map((row)
 """Of each order: whether its state and last column are whole, whether it is one line, and its columns."""
 
 
+HEADER = """() => {
+  const chips = [...document.querySelectorAll("nena-fleet-summary button")];
+  for (const chip of chips.slice(-7)) chip.hidden = false;
+  return chips.length ? document.querySelector(".bar").offsetHeight : 1000;
+}"""
+"""The height of the header with chips of seven conditions, px: less than 100 are two lines."""
+
+
 @pytest.mark.parametrize("language", ["en-GB", "de-DE", "nl-NL"])
 async def test_the_order_list_has_one_line_per_order_and_all_columns(
     hall: Hall, browser: Browser, language: str
@@ -107,6 +115,7 @@ async def test_the_order_list_has_one_line_per_order_and_all_columns(
             more = {"processing_vehicle": vehicle, "reason": reason}
             hall.publish_order(1, order_state, f"WMS-2026-11-29-{number:04}", **more)
         async with opened(browser, hall.url, width=1280, height=800, language=language) as page:
+            await becomes(page, HEADER, None, lambda height: height < 100)
             await page.get_by_role("tab").nth(1).click()
             for width in (1280, 1600, 700):
                 await page.set_viewport_size({"width": width, "height": 800})

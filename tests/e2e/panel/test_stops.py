@@ -87,6 +87,11 @@ async def test_all_robots_are_stopped_and_released_without_the_order_service(
         await expect(banner(page).get_by_text("The order service does not answer")).to_be_visible()
         await expect(banner(page)).to_contain_text("1 of 1 robots paused")
         await expect(robot(page)).to_contain_text("Paused")
+        await page.locator("nena-attention-button button").click()
+        matter = page.locator("nena-attention li").filter(has_text="Robots stopped")
+        await expect(matter).to_contain_text("All robots paused by Anna")
+        await expect(matter).not_to_contain_text("stop-")
+        await page.locator("nena-attention-button button").click()
         assert await findings(page) == []
         await picture(page, "stopped-without-order-service")
 

@@ -18,6 +18,7 @@ from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, MqttPeer, free_port
 from support.order_service_fleet import Fleet, listening
 from support.panel import LABELS, becomes, findings, opened, picture
+from support.panel_history import SLIDE
 from support.panel_texts import Texts
 from support.plants import GRID_MM, grid_name, grid_plant, path, point
 from support.programs import OrderServiceProgram
@@ -199,12 +200,7 @@ async def the_shift_is_replayed(shift: Shift) -> None:
     (first, *_) = reversed((await history())["entries"])
     await page.get_by_role("link", name=say("history.title"), exact=True).click()
     await expect(page.get_by_role("button", name=say("history.play"), exact=True)).to_be_enabled()
-    # The page begins anew when the order service sends the plant again, so the slider is moved each time.
-    jams = f"""() => {{
-      const slider = document.querySelector("nena-history-page .slider");
-      slider.value = Date.parse("{first["time"]}") + 200;
-      slider.dispatchEvent(new Event("input"));
-      return document.querySelector("nena-fleet-map").replayed?.robots.filter(({{ jam }}) => jam).length;
-    }}"""
-    await becomes(page, jams, None, lambda found: found == 1)
+    await page.evaluate(f"({SLIDE})(Date.parse('{first['time']}') + 200)")
+    jams = "document.querySelector('nena-fleet-map').replayed.robots.filter(({ jam }) => jam).length"
+    assert await page.evaluate(jams) == 1
     await picture(page, "whole-shift-replay")

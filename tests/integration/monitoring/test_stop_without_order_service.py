@@ -125,8 +125,10 @@ async def test_hung_order_service_continues_the_stop_and_records_it_once(site: S
     assert seconds < PAUSED_WITHIN
     assert (answer["by"], answer["reason"]) == ("Anna", "fire drill")
 
+    await awaited(lambda: trail(site.orders), lambda rows: len(rows) > 1, what="the stop is taken over")
     stop = await site.shows(direct=False)
     (kept,) = (await site.orders.get("/v1/stops")).json()["stops"]
+    assert stop["name"] == answer["name"], "the name that people know"
     assert (kept["name"], kept["by"], kept["paused"]) == (stop["name"], "Anna", ROBOTS)
     assert ("stop", "anonymous", "DONE", "nena-panel, without the order service") in await trail(site.orders)
     await site.end_stop(stop["name"])

@@ -408,5 +408,5 @@ async def test_a_robot_switched_to_manual_names_the_mode_everywhere(fleet: Fleet
         await said(lambda: vehicle(client, "r1"), "MANUAL")
         first.robot.set_mode(OperatingMode.MANUAL)  # now it drops its order
 
-        await said(lambda: order_of(client), "when it changed to operating mode MANUAL", state="FAILED")
-        await said(lambda: vehicle(client, "r1"), "operating mode MANUAL")
+        await said(lambda: order_of(client), "when it changed to operating mode manual", state="FAILED")
+        await said(lambda: vehicle(client, "r1"), "operating mode manual")

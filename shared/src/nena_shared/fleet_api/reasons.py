@@ -396,6 +396,16 @@ _FORMS: Final = {code: re.sub(r"'\{(\w+)\}'", r"{\1!r}", _TABLE[code]) for code 
 _SHOWN: Final = {"cost": "{:.0f}", "since": "{:%Y-%m-%d %H:%M:%S} UTC", "time": "{:%H:%M:%S} UTC"}
 """How values are shown in English, by name; others as they are."""
 
+_ENUMERATIONS: Final = ("level", "link", "measure", "mode", "reported", "state")
+"""Values that are names of enumerations, in words in English: in small letters, except the levels."""
+
+_LEVELS: Final = {
+    "TO_BE_UTILIZED": "In use",
+    "TO_BE_RESPECTED": "Out of use",
+    "TO_BE_NOTICED": "Shown only",
+    "TO_BE_IGNORED": "Ignored",
+}
+
 _JOINED: Final = {
     ReasonCode.WAITS_FOR_ANY_VEHICLE: _TABLE["or"],
     ReasonCode.FINDINGS: " ",
@@ -491,6 +501,8 @@ def _shown(name: str, value: Value) -> str:
     """Return a value as it is shown in English."""
     if form := _SHOWN.get(name):
         return form.format(datetime.fromisoformat(value) if isinstance(value, str) else value)
+    if name in _ENUMERATIONS and isinstance(value, str):
+        return _LEVELS.get(value) or value.replace("_", " ").lower()
     return f"{value:g}" if name == "limit" and isinstance(value, float) else str(value)
 
 

@@ -122,4 +122,4 @@ async def test_an_order_waits_for_its_dependencies_and_is_idempotent(
     assert (await client.get(f"{ORDERS}/T-2")).json()["state"] == "DISPATCHABLE"
     failed = await client.post(ORDERS, json=order("T-3", dependencies=["T-1"]))
     assert (failed.status_code, failed.json()["state"]) == (201, "FAILED")
-    assert failed.json()["reason"] == "order 'T-1', on which it depends, is WITHDRAWN"
+    assert failed.json()["reason"] == "order 'T-1', on which it depends, is withdrawn"

@@ -129,9 +129,9 @@ async def test_an_order_waits_until_those_that_it_depends_on_are_finished() -> N
 @pytest.mark.parametrize(
     ("policy", "state", "said"),
     [
-        ("FAIL", S.FAILED, "order 'T-1', on which it depends, is FAILED"),
+        ("FAIL", S.FAILED, "order 'T-1', on which it depends, is failed"),
         ("IGNORE", S.BEING_PROCESSED, "travels"),
-        ("HOLD", S.DISPATCHABLE, "order 'T-1', on which it depends, is FAILED"),
+        ("HOLD", S.DISPATCHABLE, "order 'T-1', on which it depends, is failed"),
     ],
 )
 async def test_the_policy_defines_the_effect_of_a_failed_dependency(
@@ -185,7 +185,7 @@ async def test_what_a_withdrawal_takes_along_is_withdrawn_and_has_not_failed() -
     site.fleet.finish("V1")
     ends = [(site.order(name).state, site.order(name).outcome) for name in ("T-1", "T-2", "T-3", "T-4")]
     assert ends == [(S.FAILED, OrderOutcome.WITHDRAWN)] * 4
-    assert site.order("T-3").reason == "order 'T-2', on which it depends, is WITHDRAWN"
+    assert site.order("T-3").reason == "order 'T-2', on which it depends, is withdrawn"
     site.engine.create(request("B", dependencies=["Old"]), "T-5", {"Old": OrderOutcome.WITHDRAWN})
     assert site.order("T-5").outcome is OrderOutcome.WITHDRAWN
 
@@ -240,7 +240,7 @@ async def test_a_failure_ends_a_sequence_where_it_is_fatal(
         assert (told.finished_index, told.complete) == (0, False)
     else:
         assert site.state("T-0", "T-1", "T-2") == [S.FAILED, S.FAILED, S.FAILED]
-        assert site.order("T-1").reason.startswith("order 'T-0' of its sequence 'S' is FAILED: wheel lost")
+        assert site.order("T-1").reason.startswith("order 'T-0' of its sequence 'S' is failed: wheel lost")
         assert (told.finished_index, told.complete, told.finished) == (1, True, True)
         assert site.vehicle("V1").order_sequence is None
 

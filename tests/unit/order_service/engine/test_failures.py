@@ -63,7 +63,7 @@ async def test_a_failed_drive_is_retried_then_replanned() -> None:
 
     fleet.fail("V1")
     assert status_of(engine).state is S.FAILED
-    assert status_of(engine).reason == "wheel lost: FATAL wheel (no REPLAN: there is no other route)"
+    assert status_of(engine).reason == "wheel lost: FATAL wheel (no replan: there is no other route)"
 
 
 async def test_a_retry_delay_is_reported_and_survives_a_restart() -> None:

@@ -49,6 +49,11 @@ async def test_a_robot_under_way_is_cancelled_and_continues_when_the_order_is_re
     fleet.confirm_cancel("V1")
     assert status_of(engine).state is S.BEING_PROCESSED
     assert status_of(engine).reason.startswith("held by Ann since 1970") or "Ann" in status_of(engine).reason
+    vehicle = engine.registry.named("V1")
+    assert vehicle
+    wait = engine.reporter.vehicle_status(vehicle).wait
+    assert wait, "it is not busy"
+    assert wait.reason.startswith("held by Ann")
 
     again, fleet = await make(store, V1="B")
     again.resume(order.number, "Bob", "go")

@@ -258,7 +258,7 @@ async def test_an_unavailable_device_is_not_asked_until_it_is_back() -> None:
     site.engine.on_device_state("Door", PeripheralState.UNAVAILABLE)
     site.engine.create(request("E", name="T-1"), "T-1")
     assert site.door.asked == []
-    assert site.reason() == "it waits for peripheral 'Door' to execute 'open'; it reports UNAVAILABLE"
+    assert site.reason() == "it waits for peripheral 'Door' to execute 'open'; it reports unavailable"
 
     site.engine.on_device_state("Door", PeripheralState.IDLE)
 
@@ -639,7 +639,7 @@ async def test_the_job_of_a_device_that_becomes_unavailable_is_sent_again_when_i
     site = await started(hall(operation("open", T.AFTER_ALLOCATION)), execution_timeout=60.0, sends=1)
     site.engine.create(request("E", name="T-1"), "T-1")
     site.engine.on_device_state("Door", PeripheralState.UNAVAILABLE)
-    assert site.reason() == "it waits for peripheral 'Door' to acknowledge 'open'; it reports UNAVAILABLE"
+    assert site.reason() == "it waits for peripheral 'Door' to acknowledge 'open'; it reports unavailable"
     site.clock.advance(59.0)
     site.engine.run_checks()
     assert site.states() == [PeripheralJobState.BEING_PROCESSED]
@@ -653,7 +653,7 @@ async def test_the_job_of_a_device_that_becomes_unavailable_is_sent_again_when_i
     site.engine.run_checks()
     assert status_of(site.engine, "T-1").reason.startswith("robot V1 travels")
     assert site.fleet.finish("V1")
-    assert status_of(site.engine, "T-1").reason.endswith("within 60 s; it reports UNAVAILABLE")
+    assert status_of(site.engine, "T-1").reason.endswith("within 60 s; it reports unavailable")
 
 
 async def test_jobs_for_which_no_vehicle_waits_are_limited() -> None:

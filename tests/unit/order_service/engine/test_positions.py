@@ -131,7 +131,7 @@ async def test_an_operator_frees_what_a_lost_robot_holds() -> None:
 
     assert "V1" not in engine.traffic
     assert fleet.cancelled == ["V1"]
-    assert "TO_BE_IGNORED" in status_of(engine, "T-1").reason
+    assert "Ignored" in status_of(engine, "T-1").reason
     assert fleet.finish("V2")
     assert engine.reporter.vehicle_status(vehicle).integration_level is IntegrationLevel.TO_BE_IGNORED
 
@@ -148,7 +148,7 @@ async def test_a_respected_robot_gets_no_orders_and_is_kept_away_from() -> None:
 
     assert fleet.sent == []
     assert held(engine, "V1") == {"A"}
-    assert reason_of(engine, "V1") == "has the integration level TO_BE_RESPECTED"
+    assert reason_of(engine, "V1") == "has the integration level Out of use"
     engine.set_integration_level(vehicle, IntegrationLevel.TO_BE_UTILIZED)
     assert [robot for robot, _ in fleet.sent] == ["V1"]
 

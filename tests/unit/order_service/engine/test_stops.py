@@ -8,7 +8,7 @@ from nena_order_service.engine import stops as stops_module
 from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import TooManyStopsError, UnknownStopError
 from nena_order_service.fleet.outputs import BrokerLinkChanged, RobotChanged
-from nena_shared.fleet_api.stops import Area, StopRequest
+from nena_shared.fleet_api.stops import Area, DirectStop, StopRequest
 from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderState
 from nena_shared.plant import Vehicle
 from nena_shared.vda5050.action import ActionStatus
@@ -291,6 +291,18 @@ async def test_robot_that_is_away_at_the_end_continues_when_it_is_back() -> None
     assert not fleet.actions
     fleet.appear("V1", "P-0-0")
     assert pauses(fleet, "stopPause") == ["V1"]
+
+
+async def test_direct_stop_keeps_its_name_although_the_request_arrives_late() -> None:
+    engine, fleet, _ = await stopped_engine()
+    engine.begin_stop(ALL, "Anna")
+    confirm(fleet, "V1", paused=True)
+    direct = DirectStop(name="shown", by="Anna", reason=ALL.reason, since=engine.clock.now(), user="anna")
+    engine.continue_stop(direct)
+    (status,) = engine.stops.statuses()
+    assert (status.name, status.paused) == ("shown", 1)
+    engine.end_stop("shown", "Anna", "over")
+    assert (pauses(fleet), pauses(fleet, "stopPause")) == (["V1"], ["V1"])
 
 
 async def test_nothing_is_sent_before_the_stop_is_stored() -> None:

@@ -61,7 +61,8 @@ def test_a_robot_that_cannot_drive(field: str, value: object, expected: str) -> 
 def test_modes_without_fleet_control(mode: OperatingMode) -> None:
     bench = Bench().online()
     bench.robot.set_mode(mode)
-    assert reason(bench) == f"is in operating mode {mode}, which takes no orders"
+    words = mode.lower().replace("_", " ")
+    assert reason(bench) == f"is in operating mode {words}, which takes no orders"
     assert bench.view().vehicle_state is VehicleState.UNAVAILABLE
 
 

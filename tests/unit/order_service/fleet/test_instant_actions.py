@@ -144,7 +144,7 @@ def test_a_robot_in_manual_mode_is_sent_only_harmless_actions() -> None:
     bench.robot.set_mode(OperatingMode.MANUAL)
     bench.report()
     bench.instruct(action("startPause"))
-    assert "operating mode MANUAL" in str(ended(bench).reason)
+    assert "operating mode manual" in str(ended(bench).reason)
     bench.instruct(action("stateRequest", "i2"))
     assert bench.instants_sent() == ["stateRequest"]
 
@@ -513,7 +513,7 @@ def test_the_connection_shows_that_a_robot_has_left_if_its_last_state_is_lost(
     bench.connection(link)
 
     assert ended(bench).status is ActionStatus.FINISHED
-    assert str(ended(bench).reason) == f"done: the robot is {link}"
+    assert str(ended(bench).reason) == f"done: the robot is {link.lower()}"
 
     bench.connection(ConnectionState.ONLINE)
     shows(bench, leaving, ActionStatus.FINISHED, "s")

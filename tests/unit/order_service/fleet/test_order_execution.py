@@ -453,7 +453,7 @@ def test_a_robot_switched_to_manual_has_abandoned_the_order() -> None:
     bench.robot.set_mode(OperatingMode.MANUAL)
     bench.report()
     assert (
-        str(failure(bench).reason) == "the robot abandoned the order when it changed to operating mode MANUAL"
+        str(failure(bench).reason) == "the robot abandoned the order when it changed to operating mode manual"
     )
     assert failure(bench).kind is FailureKind.DRIVE
     assert bench.instants_sent() == [], "nothing is sent to a robot in manual mode"
@@ -468,7 +468,7 @@ def test_a_robot_switched_to_manual_has_abandoned_the_order() -> None:
 def test_a_mode_is_named_as_the_cause_of_whatever_fails_with_it(told: str, mode: OperatingMode) -> None:
     bench = Bench().online()
     bench.start_and_tell(make_vda_order("m", "A", "B", operation="pick"))
-    robot = bench.robot
+    robot, words = bench.robot, mode.lower().replace("_", " ")
     robot.mode = mode
     if told == "its actions fail":
         robot.statuses = dict.fromkeys(robot.statuses, ActionStatus.FAILED)
@@ -483,13 +483,13 @@ def test_a_mode_is_named_as_the_cause_of_whatever_fails_with_it(told: str, mode:
     bench.wait(60, reporting=True)
     if told in ("its actions fail", "it stands with an error"):
         assert str(bench.control.view(bench.now).wait_reason) == (
-            f"the robot is in operating mode {mode}, which takes no orders"
+            f"the robot is in operating mode {words}, which takes no orders"
         )
         robot.mode, robot.paused = OperatingMode.AUTOMATIC, False
         bench.run()
 
     assert str(failure(bench).reason) == (
-        f"the robot abandoned the order when it changed to operating mode {mode}"
+        f"the robot abandoned the order when it changed to operating mode {words}"
     )
 
 

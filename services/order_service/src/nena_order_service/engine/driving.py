@@ -19,7 +19,7 @@ from nena_order_service.fleet.position import NotLocatedError, Standing, TooFarE
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.orders.drive import Drive, DriveState
-from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.transport_order import TransportOrder, why_held
 from nena_order_service.routing.router import RoutePlan
 from nena_order_service.traffic.forecast import UNKNOWN_SPEED_MM_S
 from nena_order_service.traffic.manager import (
@@ -154,6 +154,12 @@ class Pauses:
     def is_over(self, vehicle: FleetVehicle) -> bool:
         """Return whether a vehicle can continue with its order."""
         return not self._orders.get(self._order_numbers[vehicle.name]).held and not self.why_paused(vehicle)
+
+    def why_held(self, vehicle: FleetVehicle) -> Reason | None:
+        """Return who holds the order of a paused vehicle, and why; None if nobody does."""
+        number = self._order_numbers.get(vehicle.name)
+        held = self._orders.get(number).status.held if number is not None else None
+        return why_held(held) if held else None
 
     def why_paused(self, vehicle: FleetVehicle) -> Reason | None:
         """Return why a vehicle cannot continue; None if it can, or if its order is on hold."""
@@ -503,7 +509,8 @@ class Driving:
 
     def traffic_wait(self, vehicle: FleetVehicle) -> TrafficWait | None:
         """Return which vehicles a vehicle waits for, where and why; None if it does not wait."""
-        reason, refusal = self.wait_reason(vehicle), self._traffic.refusal_of(vehicle.name)
+        reason = self.wait_reason(vehicle) or self._pauses.why_held(vehicle)
+        refusal = self._traffic.refusal_of(vehicle.name)
         if job := self._peripherals.job_awaited_by(vehicle.name):
             return TrafficWait(at=job.status.location, **explained(reason))
         if refusal is None:

@@ -191,7 +191,9 @@ class Stops:
     def continue_direct(self, direct: DirectStop) -> FleetStop:
         """Continue a stop that the status aggregator has begun: its robots continue at the end."""
         stop = self.same_as(direct)
-        if stop is None:
+        if stop is None or stop.name != direct.name:
+            if stop:  # nobody knows its name: the aggregator gave the request up, and shows its own
+                self.end(stop.name, direct.by, "continued under the name that is shown")
             stop = FleetStop(
                 number=self._next_number(),
                 name=direct.name,

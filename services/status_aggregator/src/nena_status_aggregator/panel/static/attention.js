@@ -3,13 +3,16 @@
 import { acknowledge, command } from "./api.js";
 import { button, element, field, foreign, refill, setAttribute, setText, verbatim } from "./dom.js";
 import { adviceFor, conditionText, reasonOf, statusOfOrder } from "./explanations.js";
-import { run } from "./forms.js";
+import { outcome, run } from "./forms.js";
 import { has, plural, t, timeOfDay } from "./i18n.js";
 import { address } from "./router.js";
-import { personField } from "./stops.js";
+import { nameOfStop, personField } from "./stops.js";
 
 const SOUND = "nena-sound";
 const OWN_TEXT = ["battery_low", "taken_out"]; // kinds about a robot that its condition may not name
+
+// The name of what a matter is about; a stop has only an ID.
+const nameIn = ({ kind, subject }) => (kind === "stop" ? "" : subject);
 
 /** Return what a matter is: a few words in the panel's language. */
 function labelOf({ kind, robot }, store) {
@@ -18,12 +21,13 @@ function labelOf({ kind, robot }, store) {
 }
 
 // The reason, `{text, foreign}`; for what has no own words, empty.
-function reasonFor({ kind, robot, subject, reason }, store) {
+function reasonFor({ kind, robot, subject }, store) {
   const shown = store.robots.get(robot);
   if (shown) return { text: reasonOf(shown) };
   const order = kind.startsWith("order_") && store.orders.get(subject);
   if (order) return statusOfOrder(order, store);
-  return kind === "stop" ? { foreign: reason } : {};
+  const stop = kind === "stop" && store.orderService.stops.find(({ name }) => name === subject);
+  return stop ? { text: nameOfStop(stop), foreign: stop.reason } : {};
 }
 
 function adviceOf({ kind, robot }, store) {
@@ -44,6 +48,7 @@ function linkOf({ kind, robot, subject }, store) {
 const ENDS = {
   path_locked: ({ subject }, plant) => ["place.unlock", async () => (await plant.lock(subject, false), ["done.unlocked", { name: subject }])],
   order_held: ({ subject }) => ["order.resume", async () => (await command(["transportOrders", subject, "resume"], { reason: "resumed at the control panel" }), ["done.resumed", { name: subject }])],
+  robot_paused: ({ subject }) => ["command.resume", async () => outcome(await command(["vehicles", subject, "instantActions"], { actionType: "resume" }), "done.resume", { name: subject, action: t("command.resume") })],
   taken_out: ({ subject }) => ["attention.useAgain", async () => (await command(["vehicles", subject, "integrationLevel"], { integrationLevel: "TO_BE_UTILIZED" }, "PUT"), ["done.integration", { name: subject, level: t("integration.TO_BE_UTILIZED") }])],
 };
 
@@ -67,7 +72,7 @@ class AttentionButton extends HTMLElement {
     const [first] = open;
     document.title = open.length ? `(${open.length}) NeNa` : "NeNa";
     setAttribute(this.button, "data-urgent", first?.urgent ? "" : null);
-    const what = first && [first.kind === "stop" ? "" : first.subject, labelOf(first, store)].filter(Boolean).join(": ");
+    const what = first && [nameIn(first), labelOf(first, store)].filter(Boolean).join(": ");
     setText(this.button, first ? plural("attention.count", open.length, { what }) : t("attention.none"));
   }
 }
@@ -152,7 +157,7 @@ class Attention extends HTMLElement {
     if (!fresh?.length) return;
     this.sound.play();
     if (!("Notification" in window) || Notification.permission !== "granted") return;
-    for (const each of fresh) new Notification(`${each.subject} ${labelOf(each, this.fleet.store)}`.trim(), { body: adviceOf(each, this.fleet.store), tag: each.id });
+    for (const each of fresh) new Notification(`${nameIn(each)} ${labelOf(each, this.fleet.store)}`.trim(), { body: adviceOf(each, this.fleet.store), tag: each.id });
   }
 
   #row(matter) {
@@ -166,7 +171,7 @@ class Attention extends HTMLElement {
   #parts({ matter, label, reason, advice, link }) {
     const { robotCount, orderCount, acknowledged, urgent } = matter;
     const chip = element("span", { class: "chip", "data-urgent": urgent ? "" : null, "data-condition": urgent ? null : "BLOCKED" }, label);
-    const name = matter.subject && verbatim(link ? "a" : "strong", matter.subject, { class: "name", href: link });
+    const name = nameIn(matter) && verbatim(link ? "a" : "strong", matter.subject, { class: "name", href: link });
     const held = [robotCount && plural("attention.robots", robotCount), orderCount && plural("attention.orders", orderCount)].filter(Boolean);
     const since = t("attention.since", { time: timeOfDay(matter.since) });
     const facts = [since, held.length ? t("attention.holds", { what: held.join(", ") }) : "", acknowledged ? t("attention.by", { by: acknowledged.by }) : ""];

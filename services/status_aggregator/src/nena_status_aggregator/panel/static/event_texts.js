@@ -1,7 +1,7 @@
 // The events of the history in words.
 
 import { element, foreign, verbatim } from "./dom.js";
-import { conditionText, nameOf, reasonOf } from "./explanations.js";
+import { conditionText, errorText, nameOf, reasonOf } from "./explanations.js";
 import { shownState } from "./fleet.js";
 import { chosenLanguage, fillable, plural, t } from "./i18n.js";
 import { worded } from "./reasons.js";
@@ -23,8 +23,8 @@ const PARTS = {
   charging: ({ charging }) => ({ text: t(charging ? "eventLog.charging.started" : "eventLog.charging.stopped") }),
   condition,
   connection: ({ state }) => ({ text: t(`connection.${state ?? "NONE"}`) }),
-  errorCleared: ({ errorType }) => ({ name: errorType }),
-  errorRaised: ({ errorType, description }) => ({ name: errorType, words: description }),
+  errorCleared: ({ errorType }) => ({ text: errorText(errorType) }),
+  errorRaised: ({ errorType, description }) => ({ text: errorText(errorType), words: description }),
   historyGap: ({ dropped }) => ({ text: plural("eventLog.historyGap", dropped) }),
   jam: ({ robots }) => ({ text: robots ? plural("queue.title", robots) : t("eventLog.jam.over") }),
   link: ({ connected }) => ({ text: t(connected ? "link.back" : "eventLog.link.lost") }),

@@ -74,6 +74,7 @@ export function reasonOf(robot) {
   if (code === "emergency_stop") return t(`reason.emergency_stop.${values.how === "remotely" ? "remote" : "manual"}`);
   if (!has(`reason.${code}`)) return robot.reason;
   const filled = { ...values };
+  if (code === "error") filled.type = errorText(values.type);
   if (code === "mode") filled.mode = t(`mode.${values.mode}`);
   if (SINCE[code] && robot[SINCE[code]]) filled.since = timeOfDay(robot[SINCE[code]]);
   for (const key of ["place", "next", "at"]) if (key in filled) filled[key] = nodeName(robot, filled[key]);
@@ -87,10 +88,19 @@ export function adviceFor(robot) {
   return has(key) ? t(key) : "";
 }
 
-/** Return what to do about an error, by its type (2.x: nodeUnreachable); empty for other types. */
-export function adviceForError(error) {
-  const key = `errorAdvice.${error.errorType.replace(/([a-z])([A-Z])/g, "$1_$2").toUpperCase()}`;
+// 2.x: nodeUnreachable
+const typeOf = (errorType) => errorType.replace(/([a-z])([A-Z])/g, "$1_$2").toUpperCase();
+
+/** Return what to do about an error, by its type; empty for other types. */
+export function adviceForError({ errorType }) {
+  const key = `errorAdvice.${typeOf(errorType)}`;
   return has(key) ? t(key) : "";
+}
+
+/** Return the type of an error in words; of other types, the name. */
+export function errorText(errorType) {
+  const key = `errorType.${typeOf(errorType)}`;
+  return has(key) ? t(key) : errorType;
 }
 
 const DEPTH = 6;

@@ -199,6 +199,7 @@ class HistoryPage extends HTMLElement {
     this.to.value = fieldTime(range.until + MINUTE - 1); // the latest events stay in the range if only its start is changed
     this.loaded = range;
     this.#shown = null;
+    this.#enable(false); // the slider is moved to the end once it is loaded
     this.#setTimes(range.since);
     this.#narrow();
     const long = range.until - range.since > LONGEST;
@@ -206,13 +207,17 @@ class HistoryPage extends HTMLElement {
     if (signal.aborted) return;
     this.#shown = found;
     setText(this.note, long ? t("history.tooLong") : noteOn(found, range));
-    for (const control of [this.slider, this.play]) control.disabled = !found || found.empty;
+    this.#enable(found && !found.empty);
     // Nothing is known from before the first position.
     if (found?.recordedSince > range.since) {
       this.#setTimes(Math.min(found.recordedSince - 1000, range.until));
       this.#mark();
     }
     this.#moved();
+  }
+
+  #enable(possible) {
+    for (const control of [this.slider, this.play]) control.disabled = !possible;
   }
 
   // The slider's range; it is moved to the end.

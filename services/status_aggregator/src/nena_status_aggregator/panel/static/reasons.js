@@ -20,6 +20,7 @@ const HOLDERS = { "failure policy": "holder.policy", "failure of a dependency": 
 const SHOWN = {
   by: nameOfHolder,
   level: (level) => String(known(`integration.${level}`, level)).split(":")[0],
+  link: (link) => known(`connection.${link}`, link),
   measure: (measure) => known(`measure.${measure}`, measure),
   cost: (cost) => number(cost, 0),
   known: String,

@@ -1,6 +1,7 @@
 // Reports: figures of robots and orders over a time range, which the server computes from the history.
 
 import { button, element, field, foreign, progressBar, select, setText, verbatim } from "./dom.js";
+import { errorText } from "./explanations.js";
 import { byName, dateAndTime, dateOf, duration, fieldTime, has, number, plural, t, timeOfDay } from "./i18n.js";
 import { address, backLink, parameters, setParameters } from "./router.js";
 
@@ -253,7 +254,7 @@ function textOf(prefix, code) {
 }
 
 function causeOf({ kind, cause, level }) {
-  const words = { connection: () => t(`connection.${cause}`), order: () => foreign("span", cause) }[kind]?.() ?? verbatim("span", cause);
+  const words = { connection: () => t(`connection.${cause}`), error: () => errorText(cause), order: () => foreign("span", cause) }[kind]?.() ?? verbatim("span", cause);
   return level ? element("span", {}, words, " ", element("span", { class: "detail" }, textOf("level", level))) : words;
 }
 

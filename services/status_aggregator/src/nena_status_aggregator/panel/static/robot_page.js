@@ -1,7 +1,7 @@
 // The page of a robot: why it is not moving, commands, order, errors, actions, goals, details, recordings, deviations.
 
 import { button, element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "./dom.js";
-import { adviceForError, causesOfRobot, conditionText, nodeName, orderOf } from "./explanations.js";
+import { adviceForError, causesOfRobot, conditionText, errorText, nodeName, orderOf } from "./explanations.js";
 import { age, dateAndTime, degrees, has, number, t } from "./i18n.js";
 import { address, backLink } from "./router.js";
 import "./queue.js";
@@ -138,7 +138,7 @@ function routeOf(robot, { name, id }) {
 function error(each) {
   const advice = adviceForError(each);
   const made = element("li", { "data-level": each.errorLevel });
-  made.append(element("strong", {}, t(`level.${each.errorLevel}`)), " ", verbatim("span", each.errorType));
+  made.append(element("strong", {}, t(`level.${each.errorLevel}`)), " ", element("span", {}, errorText(each.errorType)));
   if (each.description) made.append(foreign("p", each.description));
   if (each.hint) made.append(foreign("p", each.hint, { class: "advice" }));
   if (advice) made.append(element("p", { class: "advice" }, advice));

@@ -18,6 +18,11 @@ export function personField(session) {
   return by;
 }
 
+/** Return what a stop is called: what it pauses, who began it and when. */
+export function nameOfStop({ area, by, since }) {
+  return t(area ? "stops.area.paused" : "stops.all.paused", { by, time: timeOfDay(since) });
+}
+
 function firstEmpty(form) {
   return form.querySelector(form.querySelector("[name=by]").value ? "[name=reason]" : "[name=by]");
 }
@@ -167,7 +172,7 @@ class Stops extends HTMLElement {
   }
 
   #fill(row, stop) {
-    setText(row.title, t(stop.area ? "stops.area.paused" : "stops.all.paused", { by: stop.by, time: timeOfDay(stop.since) }));
+    setText(row.title, nameOfStop(stop));
     setText(row.reason, stop.reason);
     const none = t(stop.area ? "stops.area.none" : "stops.all.none");
     setText(row.count, stop.vehicles ? t("stops.count", { paused: number(stop.paused), count: number(stop.vehicles) }) : none);
