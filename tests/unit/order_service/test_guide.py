@@ -10,7 +10,7 @@ import pytest
 from pydantic import BaseModel
 
 from nena_shared.fleet_api.plant import PathLockRequest
-from nena_shared.fleet_api.plant_drafts import PlantActivation, PlantDraftRequest
+from nena_shared.fleet_api.plant_drafts import PlantActivation, PlantDraftRequest, PlantRunRequest
 from nena_shared.fleet_api.requests import (
     DispatchRequest,
     HoldRequest,
@@ -51,6 +51,7 @@ BODIES: dict[str, type[BaseModel]] = {
     "/enabled": ScheduleSwitch,
     "/v1/plantDrafts/aisle": PlantDraftRequest,
     "/activation": PlantActivation,
+    "/run": PlantRunRequest,
     "/v1/stops": StopRequest,
     "/end": StopEndRequest,
 }

@@ -234,6 +234,15 @@ class TooManyPlantDraftsError(RefusedError):
         super().__init__(f"There are {limit} drafts already. Delete one of them first.")
 
 
+class PlantRunGoesOnError(RefusedError):
+    """A program runs on a draft; the next one waits for its end."""
+
+    refusal = Refusal.PLANT_RUN_GOES_ON
+
+    def __init__(self, program: str, draft: str, by: str) -> None:
+        super().__init__(f"{program} runs on the draft {draft!r}, started by {by}. Wait, or cancel it.")
+
+
 class UnknownZoneSetError(RefusedError):
     """There is no zone set with this ID."""
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Final, Self
 
-from pydantic import Field, model_validator
+from pydantic import Base64Bytes, Field, model_validator
 
 from nena_shared.fleet_api.base import Moment, Request, Resource
 
@@ -101,6 +101,134 @@ class PlantActivation(Request):
     """The version of the draft that the person has seen."""
     check_only: bool = False
     """Only say what stands against it."""
+
+
+class PlantProgram(StrEnum):
+    """What runs on a draft, in a process of its own."""
+
+    MAP = "MAP"
+    """Read a robot's map, and keep it with the draft."""
+    PROPOSE = "PROPOSE"
+    """``nena plant new`` on the draft's map."""
+    CHECK = "CHECK"
+    """``nena plant check`` with the draft's map."""
+    SIMULATE = "SIMULATE"
+    """``nena simulate`` of the draft and of the active plant."""
+
+
+MAP_BYTES: Final = 32 * 1024 * 1024
+"""Maximum size of a map's image."""
+
+FleetSize = Annotated[int, Field(ge=1, le=200)]
+
+
+class PlantMapFiles(Request):
+    """A map as map_saver writes it."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_ .-]{0,79}$")]
+    """Name of the map: that of its YAML file."""
+    yaml: Annotated[str, Field(max_length=100_000)]
+    image: Annotated[Base64Bytes, Field(max_length=MAP_BYTES)]
+    """The PGM, PNG or BMP file in Base64."""
+
+
+class PlantRunRequest(Request):
+    """Request to run a program on a draft."""
+
+    program: PlantProgram
+    map: Annotated[PlantMapFiles | None, Field(exclude=True)] = None
+    """MAP: the files."""
+    robot_width: Annotated[float, Field(ge=0.05, le=10)] = 0.6
+    """PROPOSE and CHECK, as all lengths: m."""
+    robot_length: Annotated[float, Field(ge=0.05, le=10)] = 0.8
+    clearance: Annotated[float, Field(ge=0, le=5)] = 0.1
+    """Room that stays free on each side of a robot."""
+    spacing: Annotated[float, Field(ge=0.5, le=20)] = 3.0
+    """PROPOSE: distance between points."""
+    robots: Annotated[tuple[FleetSize, ...], Field(min_length=1, max_length=6)] = (3, 6)
+    """SIMULATE: fleet sizes."""
+    hours: Annotated[float, Field(ge=0.05, le=8)] = 0.5
+    """SIMULATE: simulated hours."""
+    orders: Annotated[str, Field(max_length=1_000_000)] = ""
+    """SIMULATE: CSV with from,to,per_hour or at,from,to; empty: between all stations."""
+
+    @model_validator(mode="after")
+    def _has_a_map(self) -> Self:
+        if (self.program is PlantProgram.MAP) is not (self.map is not None):
+            message = "give map for the program MAP, and for no other"
+            raise ValueError(message)
+        return self
+
+
+class PlantFigures(Resource):
+    """What ``nena simulate`` says about one fleet size."""
+
+    robots: int
+    orders_per_hour: float
+    finished: int
+    failed: int
+    lead_p50: float | None
+    """Median time from an order's creation to its end, s."""
+    doing: dict[str, float]
+    """Share of the robots' time by activity."""
+    waiting_by_place: dict[str, float]
+    """Robot minutes per hour by path or point."""
+    notes: tuple[str, ...]
+
+
+class PlantRunState(StrEnum):
+    """How far a program is."""
+
+    NONE = "NONE"
+    """None has run since the order service started."""
+    RUNNING = "RUNNING"
+    DONE = "DONE"
+    FAILED = "FAILED"
+    CANCELLED = "CANCELLED"
+
+
+class PlantRun(Resource):
+    """The last program that ran on any draft."""
+
+    state: PlantRunState = PlantRunState.NONE
+    draft: str = ""
+    program: PlantProgram | None = None
+    began: Moment | None = None
+    by: str = ""
+    texts: tuple[str, ...] = ()
+    """Why it failed, or what a person should know."""
+    model: dict[str, Any] | None = None
+    """PROPOSE: the plant model in NeNa's JSON."""
+    findings: tuple[PlantFinding, ...] = ()
+    """CHECK."""
+    figures: tuple[PlantFigures, ...] = ()
+    """SIMULATE: of the draft, for each fleet size."""
+    active_figures: tuple[PlantFigures, ...] = ()
+    """SIMULATE: of the active plant; empty if it cannot be simulated with these orders."""
+
+
+class PlantMapPicture(Resource):
+    """A map as it is drawn under a plan."""
+
+    name: str
+    width: int
+    """In cells, as is the height."""
+    height: int
+    resolution: float
+    """Side of a cell, m."""
+    x: float
+    """Pose of the lower left corner, m and rad."""
+    y: float
+    theta: float
+    picture: str
+    """PNG in Base64: the darker the map, the more opaque."""
+
+
+class PlantDraftMap(Resource):
+    """The robot's map that is kept with a draft."""
+
+    map: PlantMapPicture | None = None
+    """None: the draft has no map."""
 
 
 class PlantFileFormat(StrEnum):

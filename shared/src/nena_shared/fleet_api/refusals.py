@@ -216,6 +216,11 @@ class Refusal(ProblemType):
         "There are too many drafts of the plant model.",
         "Delete a draft that is no longer needed.",
     )
+    PLANT_RUN_GOES_ON = (
+        HTTPStatus.CONFLICT,
+        "Another program runs on a draft of the plant model.",
+        "Wait for its end, or cancel it.",
+    )
     UNKNOWN_SCHEDULE = (
         HTTPStatus.NOT_FOUND,
         "Unknown schedule.",

@@ -64,7 +64,9 @@ COMMANDS: Final = {
     ),
     "recordings": Command("nena_cli.recordings", "app", "Recordings and log reports of robots."),
     "audit": Command("nena_cli.audit", "app", "Who changed what, and whether the audit trail is intact."),
-    "plant": Command("nena_cli.plants", "app", "Plant models: openTCS XML, LIF and NeNa's own JSON."),
+    "plant": Command(
+        "nena_cli.plants", "app", "Plant models: openTCS XML, LIF, Nav2's route graphs, NeNa's JSON."
+    ),
     "vda5050": Command(
         "nena_cli.conversations", "app", "Record, replay, show and check VDA 5050 conversations."
     ),

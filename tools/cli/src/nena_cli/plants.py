@@ -217,18 +217,43 @@ FOUND: Final = 1
 """Exit status if the plant model has errors."""
 
 
-Source = Annotated[str, typer.Argument(help="openTCS XML, LIF or NeNa's JSON; - for standard input.")]
+Source = Annotated[
+    str, typer.Argument(help="openTCS XML, LIF, Nav2's route graph or NeNa's JSON; - for standard input.")
+]
 Output = Annotated[str, typer.Option("--output", "-o", help="File to write, or - for standard output.")]
 Strict = Annotated[bool, typer.Option("--strict", help="Reject LIF that violates its standard.")]
 Replace = Annotated[bool, typer.Option("--replace", help="Overwrite an existing file.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print findings as one JSON object.")]
 
 
+RobotMap = Annotated[
+    Path | None,
+    typer.Option("--map", metavar="FILE", help="Robot's map (YAML): check how near to obstacles paths are."),
+]
+Width = Annotated[float, typer.Option("--robot-width", min=0.05, max=10, help="Width of the robots, m.")]
+Clearance = Annotated[float, typer.Option(min=0, max=5, help="Room that stays free on each side, m.")]
+
+
 @app.command()
-def check(file: Source, *, strict: Strict = False, as_json: AsJson = False) -> None:
+def check(
+    file: Source,
+    *,
+    robot_map: RobotMap = None,
+    width: Width = 0.6,
+    clearance: Clearance = 0.1,
+    strict: Strict = False,
+    as_json: AsJson = False,
+) -> None:
     """Check a plant model; the exit status is 1 if an order service would refuse it."""
     with _errors_reported():
         read = read_plant(file, strict=strict)
+    if robot_map and read.model is not None:
+        with _map_errors_reported():
+            from nena_plant_formats.from_map import clearance as room  # noqa: PLC0415 - an extra
+            from nena_plant_formats.from_map.robot_map import read_map  # noqa: PLC0415
+
+            found = room.find_close_paths(read.model, read_map(robot_map), width=width, clearance=clearance)
+            read = replace_fields(read, findings=(*_findings(found, are_errors=False), *read.findings))
     if read.model is not None:
         errors = _findings(find_fleet_errors(read.model), are_errors=True)
         read = replace_fields(read, findings=(*errors, *read.findings))
@@ -250,13 +275,11 @@ def new(
         typer.Option("--map", metavar="FILE", help="YAML file of the robot's map, as map_saver writes it."),
     ],
     output: Output,
-    width: Annotated[float, typer.Option("--robot-width", min=0.05, max=10, help="Width of the robots, m.")],
+    width: Width,
     length: Annotated[
         float, typer.Option("--robot-length", min=0.05, max=10, help="Length of the robots, m.")
     ],
-    clearance: Annotated[
-        float, typer.Option(min=0, max=5, help="Room that stays free on each side, m.")
-    ] = 0.1,
+    clearance: Clearance = 0.1,
     spacing: Annotated[float, typer.Option(min=0.5, max=20, help="Distance between points, m.")] = 3.0,
     speed: Annotated[float, typer.Option(min=0.05, max=10, help="Maximum speed on paths, m/s.")] = 1.0,
     robots: Annotated[
@@ -266,21 +289,15 @@ def new(
     replace: Replace = False,
 ) -> None:
     """Propose a plant model from a robot's map: points, paths, passing places and parking positions."""
-    try:
-        from nena_plant_formats.from_map import proposal  # noqa: PLC0415 - an extra
-        from nena_plant_formats.from_map import robot_map as maps  # noqa: PLC0415
-        from nena_plant_formats.from_map.free_space import RobotSize  # noqa: PLC0415
-    except ImportError as error:
-        fail(f"{error}; install what reads maps: pip install 'nena-cli[maps]'")
     box = BoundingBox(length_mm=round(length * MM_PER_M), width_mm=round(width * MM_PER_M))
     vehicles = tuple(_vehicle_of(robot, box) for robot in robots or ())
-    with _errors_reported():
-        try:
-            read = maps.read_map(robot_map)
-            size = RobotSize(width, length, clearance)
-            made = proposal.propose_plant(read, size, spacing=spacing, speed=speed, vehicles=vehicles)
-        except maps.RobotMapError as error:
-            fail(error)
+    with _map_errors_reported():
+        from nena_plant_formats.from_map.free_space import RobotSize  # noqa: PLC0415 - an extra
+        from nena_plant_formats.from_map.proposal import propose_plant  # noqa: PLC0415
+        from nena_plant_formats.from_map.robot_map import read_map  # noqa: PLC0415
+
+        size = RobotSize(width, length, clearance)
+        made = propose_plant(read_map(robot_map), size, spacing=spacing, speed=speed, vehicles=vehicles)
         write_bytes(made.model.to_json().encode() + b"\n", output, replace=replace)
     for remark in made.remarks:
         echo(f"note: {remark}")
@@ -412,6 +429,20 @@ def _report_findings(
         return
     show_findings(findings, Console(stderr=True))
     echo(f"{written} written" if written else f"nothing written: {read.errors} errors")
+
+
+@contextmanager
+def _map_errors_reported() -> Iterator[None]:
+    """Report a missing extra, a bad map or another expected error in one line and exit."""
+    try:
+        from nena_plant_formats.from_map.robot_map import RobotMapError  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        fail(f"{error}; install what reads maps: pip install 'nena-cli[maps]'")
+    with _errors_reported():
+        try:
+            yield
+        except RobotMapError as error:
+            fail(error)
 
 
 @contextmanager

@@ -91,7 +91,7 @@ CHANGES = re.compile(
     r"paths/[^/]+/lock|vehicles/[^/]+/integrationLevel|schedules/[^/]+(/enabled)?|plantDrafts/[^/]+"
 )
 """Paths of forwarded changes (PUT): lock of a path, integration level, schedules, drafts of plants."""
-REMOVALS = re.compile(r"(schedules|plantDrafts)/[^/]+")
+REMOVALS = re.compile(r"(schedules|plantDrafts)/[^/]+|plantDrafts/[^/]+/run")
 """Paths of forwarded removals (DELETE)."""
 BODY_LIMIT = 256 * 1024
 """Maximum size of a command, bytes; drafts of plants may have ``MAX_BYTES``."""

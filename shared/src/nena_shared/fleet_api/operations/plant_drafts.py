@@ -14,11 +14,14 @@ from nena_shared.fleet_api.plant_drafts import (
     PlantDifferencesQuery,
     PlantDraft,
     PlantDraftList,
+    PlantDraftMap,
     PlantDraftQuery,
     PlantDraftRequest,
     PlantDraftStatus,
     PlantFileContent,
     PlantFileQuery,
+    PlantRun,
+    PlantRunRequest,
     PlantVersionList,
     SavedPlantDraft,
     VersionNumber,
@@ -114,6 +117,48 @@ ACTIVATE_PLANT_DRAFT = Operation(
         Refusal.PLANT_IN_USE,
         Refusal.NOT_SAVED,
     ),
+)
+SHOW_PLANT_DRAFT_MAP = Operation(
+    "plantDraftMap",
+    "Return the robot's map that is kept with a draft.",
+    "GET",
+    f"{_DRAFT}/map",
+    PlantDraftMap,
+    admin=True,
+    name_type=DraftName,
+    refusals=(Refusal.UNKNOWN_PLANT_DRAFT,),
+)
+START_PLANT_RUN = Operation(
+    "startPlantRun",
+    "Keep a robot's map with a draft, propose a plant from it, check the draft with it, or simulate it.",
+    "POST",
+    f"{_DRAFT}/run",
+    PlantRun,
+    admin=True,
+    request=PlantRunRequest,
+    name_type=DraftName,
+    max_body=MAX_BYTES,
+    refusals=(Refusal.UNKNOWN_PLANT_DRAFT, Refusal.PLANT_RUN_GOES_ON),
+)
+SHOW_PLANT_RUN = Operation(
+    "plantRun",
+    "Return the last program that ran on any draft, with its result.",
+    "GET",
+    f"{_DRAFT}/run",
+    PlantRun,
+    admin=True,
+    name_type=DraftName,
+    refusals=(Refusal.UNKNOWN_PLANT_DRAFT,),
+)
+CANCEL_PLANT_RUN = Operation(
+    "cancelPlantRun",
+    "End the program that runs on a draft; without one, nothing happens.",
+    "DELETE",
+    f"{_DRAFT}/run",
+    PlantRun,
+    admin=True,
+    name_type=DraftName,
+    refusals=(Refusal.UNKNOWN_PLANT_DRAFT,),
 )
 LIST_PLANT_VERSIONS = Operation(
     "plantVersions",

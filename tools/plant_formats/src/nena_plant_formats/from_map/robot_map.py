@@ -43,6 +43,14 @@ class RobotMap:
         right, up = (points.T + 0.5) * self.resolution
         return np.stack((x + cos(yaw) * right - sin(yaw) * up, y + sin(yaw) * right + cos(yaw) * up), axis=1)
 
+    def to_cells(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the cells (column, row, with fractions) of places in the map frame (x, y, in m)."""
+        x, y, yaw = self.origin
+        right, up = (places - (x, y)).T
+        turned = np.stack((cos(yaw) * right + sin(yaw) * up, cos(yaw) * up - sin(yaw) * right), axis=1)
+        cells: NDArray[np.float64] = turned / self.resolution - 0.5
+        return cells
+
 
 def read_map(path: Path) -> RobotMap:
     """Read a map by its YAML file.

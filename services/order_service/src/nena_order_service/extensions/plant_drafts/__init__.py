@@ -8,6 +8,7 @@ from nena_order_service.api.audit import OpenRequest
 from nena_order_service.api.operations import Handler
 from nena_order_service.extension import Core, Extension
 from nena_order_service.extensions.plant_drafts.drafts import Drafts
+from nena_order_service.extensions.plant_drafts.runs import Runs
 from nena_order_service.extensions.plant_drafts.versions import PlantVersions
 from nena_order_service.store.database import Changes
 from nena_shared.fleet_api.operations import plant_drafts as table
@@ -29,6 +30,7 @@ class PlantDrafts(Extension):
         super().__init__(settings, core)
         self.versions = PlantVersions(core)
         self.drafts = Drafts(core, self.versions)
+        self.runs = Runs(core, self.drafts)
 
     async def begin(self, previous: PlantDrafts | None) -> None:
         """Restore the drafts and versions."""
@@ -37,7 +39,7 @@ class PlantDrafts(Extension):
 
     def handlers(self) -> Iterator[Handler]:
         """Yield what executes each operation."""
-        drafts, versions, state = self.drafts, self.versions, self.drafts.describe
+        drafts, runs, versions, state = self.drafts, self.runs, self.versions, self.drafts.describe
         yield Handler(table.LIST_PLANT_DRAFTS, drafts.all)
         yield Handler(table.SAVE_PLANT_DRAFT, drafts.save, EXAMPLE, state=state)
         yield Handler(table.SHOW_PLANT_DRAFT, drafts.show)
@@ -45,8 +47,16 @@ class PlantDrafts(Extension):
         yield Handler(table.COMPARE_PLANT_DRAFT, drafts.compare)
         yield Handler(table.EXPORT_PLANT_DRAFT, drafts.export)
         yield Handler(table.ACTIVATE_PLANT_DRAFT, drafts.activate, {"version": 3}, state=state)
+        yield Handler(table.SHOW_PLANT_DRAFT_MAP, runs.map)
+        yield Handler(table.START_PLANT_RUN, runs.start, {"program": "PROPOSE"}, state=state)
+        yield Handler(table.SHOW_PLANT_RUN, runs.show)
+        yield Handler(table.CANCEL_PLANT_RUN, runs.cancel, state=state)
         yield Handler(table.LIST_PLANT_VERSIONS, versions.all)
         yield Handler(table.COMPARE_PLANT_VERSION, versions.compare)
+
+    async def end(self) -> None:
+        """End the program that runs on a draft."""
+        await self.runs.end()
 
     def committing(self, request: OpenRequest, changes: Changes) -> None:
         """Keep a plant model that a request activates."""

@@ -50,6 +50,7 @@ from nena_shared.plant import PlantModel, PlantModelError
 DRAFT: Final = "plantDraft"
 """The kind of drafts' documents in the store, without the models."""
 DRAFT_MODEL: Final = "plantDraftModel"
+DRAFT_MAP: Final = "plantDraftMap"
 DRAFTS_LIMIT: Final = 50
 """Maximum number of drafts."""
 OPEN_FOR: Final = 20.0
@@ -89,7 +90,7 @@ class Drafts:
 
     async def show(self, name: str, request: PlantDraftQuery, caller: str) -> PlantDraft:
         """Return a draft, and note that the caller has it open; raises UnknownPlantDraftError."""
-        status, now = self._draft(name), self._core.clock.monotonic()
+        status, now = self.status(name), self._core.clock.monotonic()
         if request.session:
             self._open[name, request.session] = (caller, now)
         self._open = {key: value for key, value in self._open.items() if now - value[1] < OPEN_FOR}
@@ -100,7 +101,7 @@ class Drafts:
         }
         found: dict[str, Any] = {"editors": tuple(sorted(others))}
         if status.version > request.known:
-            text = await self._text(name)
+            text = await self.text(name)
             model = PlantModel.from_json(text)
             found |= {"model": json.loads(text), "findings": await asyncio.to_thread(find_findings, model)}
         return PlantDraft(**dict(status), **found)
@@ -146,7 +147,7 @@ class Drafts:
     async def delete(self, name: str) -> PlantDraftStatus:
         """Delete a draft, and return what it was; raises UnknownPlantDraftError and StoreNotReadyError."""
         async with self._one_by_one:
-            status = self._draft(name)
+            status = self.status(name)
             await self._commit(name, None, None)
         return status
 
@@ -179,7 +180,7 @@ class Drafts:
             StoreNotReadyError: it may not be activated.
 
         """
-        self._draft(name)
+        self.status(name)
         self._check_version(name, request.version)
         model = await self._model(name)
         findings = await asyncio.to_thread(find_findings, model)
@@ -194,7 +195,8 @@ class Drafts:
             return json.loads(document) if document else {"deleted": True}
         return self._drafts[name].model_dump(mode="json", by_alias=True) if name in self._drafts else None
 
-    def _draft(self, name: str) -> PlantDraftStatus:
+    def status(self, name: str) -> PlantDraftStatus:
+        """Return a draft without its model; raises UnknownPlantDraftError."""
         if name not in self._drafts:
             raise UnknownPlantDraftError(name)
         return self._drafts[name]
@@ -206,15 +208,29 @@ class Drafts:
         if stored and stored.version != version:
             raise PlantDraftChangedError(name, stored.version, stored.by, iso(stored.changed))
 
-    async def _text(self, name: str) -> str:
-        self._draft(name)
+    async def text(self, name: str) -> str:
+        """Return the model of a draft in NeNa's JSON; raises UnknownPlantDraftError."""
+        self.status(name)
         found = await self._core.store.document(DRAFT_MODEL, name)
         if found is None:  # deleted meanwhile
             raise UnknownPlantDraftError(name)
         return found
 
+    async def map(self, name: str) -> Any:  # noqa: ANN401 - see keep_map
+        """Return the map that was kept with a draft, or None; raises UnknownPlantDraftError."""
+        self.status(name)
+        found = await self._core.store.document(DRAFT_MAP, name)
+        return json.loads(found) if found else None
+
+    async def keep_map(self, name: str, document: str) -> None:
+        """Keep a map, in JSON, with a draft; raises UnknownPlantDraftError."""
+        async with self._one_by_one:
+            self.status(name)
+            changes = Changes(documents={(DRAFT_MAP, name): document})
+            await self._core.engine.unit_of_work.commit(changes, lambda: None)
+
     async def _model(self, name: str) -> PlantModel:
-        return await asyncio.to_thread(PlantModel.from_json, await self._text(name))
+        return await asyncio.to_thread(PlantModel.from_json, await self.text(name))
 
     async def _read(
         self, name: str, request: PlantDraftRequest
@@ -235,6 +251,8 @@ class Drafts:
     async def _commit(self, name: str, status: PlantDraftStatus | None, text: str | None) -> None:
         document = status.model_dump_json(by_alias=True) if status else None
         changes = Changes(documents={(DRAFT, name): document, (DRAFT_MODEL, name): text})
+        if status is None:
+            changes.documents[DRAFT_MAP, name] = None
 
         def show() -> None:
             if status:

@@ -36,6 +36,8 @@ class DraftCanvas extends HTMLElement {
   findings = new Map();
   robots = [];
   grids = [];
+  waiting = null; // shares by name: where robots waited
+  picked = null; // called with a place (m) by the tool `pick`
   #scene = makeScene({});
   #painter = new DraftPainter();
   #gesture = null;
@@ -108,12 +110,17 @@ class DraftCanvas extends HTMLElement {
 
   /** Zoom to everything, but not to less than a small room. */
   fit() {
-    const things = [...this.#scene.points.values(), ...this.#scene.locations.values(), ...this.robots];
+    const things = [...this.#scene.points.values(), ...this.#scene.locations.values(), ...this.robots, ...this.grids.flatMap(({ grid }) => corners(grid))];
     const [left, bottom, right, top] = extent(things) ?? [0, 0, 0, 0];
     const more = (from, to) => Math.max(0, (ROOM - (to - from)) / 2);
     const [wide, high] = [more(left, right), more(bottom, top)];
     this.view.fit([left - wide, bottom - high, right + wide, top + high]);
     this.draw();
+  }
+
+  /** Make the drawing ready for keys. */
+  focusDrawing() {
+    this.canvas.focus({ preventScroll: true });
   }
 
   /** Add a point beside the selected one, or in the middle of the view. */
@@ -163,9 +170,9 @@ class DraftCanvas extends HTMLElement {
       if (!this.canvas.width || !this.canvas.height) return;
       const { drag, box, ruler, row, parts } = this.#gesture ?? {};
       const bent = this.#bent();
-      const { selection, findings, grids, robots, grid, colours } = this;
+      const { selection, findings, grids, waiting, robots, grid, colours } = this;
       const [still, moving] = parts ?? [this.#scene, null];
-      this.#painter.paint(this.canvas, this.view, { still, moving, selection, findings, grids, robots, grid, drag, box, ruler, row, bent, colours });
+      this.#painter.paint(this.canvas, this.view, { still, moving, selection, findings, grids, waiting, robots, grid, drag, box, ruler, row, bent, colours });
     });
   }
 
@@ -313,6 +320,8 @@ class DraftCanvas extends HTMLElement {
 
   #click({ kind, names, place }, event) {
     if (kind === "bend") return;
+    const thing = this.#scene.points.get(names[0]) ?? this.#scene.locations.get(names[0]);
+    if (this.tool === "pick") return this.picked(thing ? [thing.x, thing.y] : place);
     if (kind === "move") {
       if (!event.shiftKey && !event.ctrlKey) this.select(names); // of several, only this one
       return;
@@ -402,6 +411,12 @@ class DraftCanvas extends HTMLElement {
     this.colours = readColours(this);
     this.draw();
   }
+}
+
+function corners({ x, y, theta, resolution, width, height }) {
+  const [right, up] = [width * resolution, height * resolution];
+  const at = (along, across) => ({ x: x + along * Math.cos(theta) - across * Math.sin(theta), y: y + along * Math.sin(theta) + across * Math.cos(theta) });
+  return [at(0, 0), at(right, 0), at(0, up), at(right, up)];
 }
 
 customElements.define("nena-draft-canvas", DraftCanvas);

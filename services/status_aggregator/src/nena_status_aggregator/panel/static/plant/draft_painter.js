@@ -4,6 +4,7 @@ import { paintGrids } from "../map/grids.js";
 import { Labels } from "../map/labels.js";
 import { middle, trace } from "../map/lines.js";
 import { paintBlock } from "../map/plan_painter.js";
+import { paintWaiting } from "../map/waiting.js";
 
 const EDGE = 40; // px
 const MARGIN = 160; // px painted beyond the edges
@@ -23,12 +24,12 @@ export class DraftPainter {
   #reach = null; // the viewport of the image
 
   /**
-   * Paint. `shown`: {still, moving: scenes, selection: names, findings: Map of name to whether it is an error, grids, robots, grid (m,
-   * 0: none), drag and ruler: [place, place], row: places, box: [corner, corner], bent: line with
+   * Paint. `shown`: {still, moving: scenes, selection: names, findings: Map of name to whether it is an error, grids,
+   * waiting, robots, grid (m, 0: none), drag and ruler: [place, place], row: places, box: [corner, corner], bent: line with
    * handles, colours}.
    */
   paint(canvas, view, shown) {
-    const wanted = [shown.still, shown.selection, shown.findings, shown.grid, shown.colours, canvas.width, canvas.height, view.scale, shown.grids.map(({ grid }) => grid.digest).join()];
+    const wanted = [shown.still, shown.selection, shown.findings, shown.waiting, shown.grid, shown.colours, canvas.width, canvas.height, view.scale, shown.grids.map(({ grid }) => grid.digest).join()];
     const selected = new Set(shown.selection);
     if (!this.#shows(view) || wanted.some((each, at) => each !== this.#painted[at])) {
       this.#painted = wanted;
@@ -39,6 +40,7 @@ export class DraftPainter {
       context.scale(devicePixelRatio, devicePixelRatio);
       paintGrids(context, this.#reach, shown.grids, shown.colours.muted);
       if (shown.grid * view.scale >= 8) paintLattice(context, this.#reach, shown.grid, shown.colours.line);
+      if (shown.waiting) paintWaiting(context, this.#reach, planOf(shown.still), shown.waiting, shown.colours.bad);
       paintScene(context, this.#reach, shown.still, selected, shown);
     }
     const context = canvas.getContext("2d");
@@ -57,6 +59,13 @@ export class DraftPainter {
     const [left, top] = [this.#reach.x - view.x, this.#reach.y - view.y];
     return left >= 0 && top >= 0 && left + view.width <= this.#reach.width && top + view.height <= this.#reach.height;
   }
+}
+
+// The scene as the fleet's map has it.
+function planOf({ points, locations, lines }) {
+  const shape = ({ from, to, corners, curved }) => ({ line: [[from.x, from.y], ...corners, [to.x, to.y]], curved });
+  const named = new Map(lines.flatMap((line) => line.names.map((name) => [name, shape(line)])));
+  return { named, points, locations: [...locations.values()], blocks: [] };
 }
 
 function paintScene(context, view, scene, selected, { findings, colours }) {

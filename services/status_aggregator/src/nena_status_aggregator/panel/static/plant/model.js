@@ -97,6 +97,23 @@ export function put(model, name, x, y) {
   return place(model, (each) => (each.name === name ? [x, y] : null));
 }
 
+/** Turn and move everything so that two places (m) come to two others; returns the model, and how much farther apart these are, m. */
+export function turned(model, [a, b], [p, q]) {
+  const angle = Math.atan2(q[1] - p[1], q[0] - p[0]) - Math.atan2(b[1] - a[1], b[0] - a[0]);
+  const [cos, sin] = [Math.cos(angle), Math.sin(angle)];
+  const spin = (x, y) => [cos * x - sin * y, sin * x + cos * y];
+  const middle = spin((a[0] + b[0]) / 2, (a[1] + b[1]) / 2);
+  const by = [0, 1].map((axis) => 1000 * ((p[axis] + q[axis]) / 2 - middle[axis]));
+  const to = (each) => spin(each.xMm ?? 0, each.yMm ?? 0).map((value, axis) => Math.round(value + by[axis]));
+  const corner = (each) => Object.fromEntries(to(each).map((value, axis) => [["xMm", "yMm"][axis], value]));
+  const degrees = (angle * 180) / Math.PI;
+  const heading = ({ orientationDeg }) => (orientationDeg === undefined || orientationDeg === null ? {} : { orientationDeg: Math.round(((((orientationDeg + degrees + 180) % 360) + 360) % 360) - 180) });
+  const curves = new Map((model.paths ?? []).map((path) => [path.name, path.layout?.controlPoints?.map(corner)]));
+  const made = place({ ...model, points: (model.points ?? []).map((each) => ({ ...each, ...heading(each) })) }, to);
+  const paths = made.paths.map((path) => (curves.get(path.name) ? { ...path, layout: { ...path.layout, controlPoints: curves.get(path.name) } } : path));
+  return { model: { ...made, paths }, error: Math.abs(Math.hypot(q[0] - p[0], q[1] - p[1]) - Math.hypot(b[0] - a[0], b[1] - a[1])) };
+}
+
 function placed(model, names) {
   const all = new Map([...(model.points ?? []), ...(model.locations ?? [])].map((each) => [each.name, each]));
   return [...names].map((name) => all.get(name)).filter(Boolean);

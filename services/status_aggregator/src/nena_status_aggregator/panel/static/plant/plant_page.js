@@ -13,6 +13,7 @@ import { Blocks, Vehicles } from "./listing.js";
 import { add, align, distribute, freshName, History } from "./model.js";
 import { propertiesOf } from "./properties.js";
 import { DraftSaver } from "./saving.js";
+import { Trials } from "./trials.js";
 
 const TOOLS = ["select", "point", "oneWay", "twoWay", "location", "row", "ruler"];
 const GRIDS = [0, 0.1, 0.25, 0.5, 1, 2];
@@ -83,7 +84,7 @@ class PlantPage extends HTMLElement {
 
   #newForm(drafts) {
     const name = element("input", { type: "text", required: true, maxlength: 80, pattern: "[^\\/]+", translate: "no" });
-    const file = element("input", { type: "file", accept: ".json,.xml,.lif" });
+    const file = element("input", { type: "file", accept: ".json,.xml,.lif,.geojson" });
     const source = select(["active", "empty", "file"].map((each) => [each, t(`plant.from.${each}`)]));
     const fileField = field(t("plant.file"), file);
     const follow = () => {
@@ -152,7 +153,10 @@ class PlantPage extends HTMLElement {
     this.name = name;
     this.history = new History(model);
     this.#build(name);
-    saver.addEventListener("state", () => this.#showState());
+    saver.addEventListener("state", () => {
+      this.#showState();
+      if (saver.state === "saved") this.trials.recheck();
+    });
     saver.addEventListener("findings", () => this.#showFindings());
     saver.addEventListener("editors", () => this.#showEditors());
     saver.addEventListener("theirs", ({ detail }) => this.history.push(detail) && this.#refresh());
@@ -160,7 +164,10 @@ class PlantPage extends HTMLElement {
     this.#refresh([]);
     this.#showRobots();
     this.canvas.fit();
+    this.trials.addEventListener("findings", () => this.#showFindings());
+    this.trials.addEventListener("map", () => this.#showRobots());
     this.heading.focus({ preventScroll: true });
+    await this.trials.open();
   }
 
   #build(name) {
@@ -178,19 +185,20 @@ class PlantPage extends HTMLElement {
     this.blocks = new Blocks(kept, () => this.canvas.selection, (names) => this.canvas.select(names));
     this.vehicles = new Vehicles(kept, () => [...this.fleet.store.robots.keys()]);
     this.canvas.addEventListener("block", () => this.blocks.make());
+    this.trials = new Trials({ name, canvas: this.canvas, model: () => this.history.present, edit: (model) => this.#edit(model, []), flush: () => this.#saver.flush(), choose: (tool) => this.choose(tool) });
     const keys = element("p", { class: "hint", id: "plant-keys" }, t("plant.keys"));
-    const aside = element("div", { class: "beside" }, this.conflict, this.properties, this.findings, this.#activation(), this.blocks.element, this.vehicles.element, this.#files());
+    const aside = element("div", { class: "beside" }, this.conflict, this.properties, this.findings, ...this.trials.elements, this.#activation(), this.blocks.element, this.vehicles.element, this.#files());
     this.replaceChildren(this.#head(verbatim("span", name), this.state, this.editors), this.#toolbar(), element("div", { class: "drawing" }, element("div", { class: "sheet" }, this.canvas, keys), aside));
   }
 
   #toolbar() {
     const bar = element("div", { class: "actions toolbar", role: "toolbar", "aria-label": t("plant.tools") });
     const tools = TOOLS.map((tool) => button(t(`plant.tool.${tool}`), () => choose(tool), { "data-tool": tool }));
-    const choose = (tool) => {
+    const choose = (this.choose = (tool) => {
       this.canvas.tool = tool;
       for (const each of tools) each.setAttribute("aria-pressed", String(each.dataset.tool === tool));
       spacing.hidden = tool !== "row";
-    };
+    });
     const act = (key, action) => button(t(key), action);
     this.undoTool = act("plant.undo", () => this.#undo());
     this.redoTool = act("plant.redo", () => this.#redo());
@@ -278,7 +286,7 @@ class PlantPage extends HTMLElement {
   }
 
   #showFindings() {
-    const { findings } = this.#saver;
+    const findings = [...this.#saver.findings, ...this.trials.findings];
     const at = new Map();
     for (const { name, isError } of findings) at.set(name, isError || at.get(name) || false);
     this.canvas.findings = at;
@@ -304,7 +312,7 @@ class PlantPage extends HTMLElement {
     if (!this.canvas?.isConnected) return;
     const robots = this.#placed();
     this.canvas.robots = robots;
-    this.canvas.grids = this.#grids.of(this.fleet.store.robots.values(), null);
+    this.canvas.grids = this.trials.map ? [this.trials.map] : this.#grids.of(this.fleet.store.robots.values(), null);
     this.canvas.draw();
     const options = robots.map(({ id, name }) => [id, name, true]);
     if (this.robot.shown !== JSON.stringify(options)) refillSelect(this.robot, options);

@@ -1,0 +1,187 @@
+// Programs that the order service runs on a draft: its robot's map, a proposal from it, the clearance of paths, a simulation.
+
+import { ask, command, RefusedError } from "../api.js";
+import { button, element, field, foreign, numberInput, numberOf } from "../dom.js";
+import { commandForm, run } from "../forms.js";
+import { duration, number, t } from "../i18n.js";
+import { turned } from "./model.js";
+
+const SOON = 1000; // ms, between two looks at a program
+const CLOSE = "PATH_TOO_CLOSE";
+const PLACES = 4; // two pairs: in the plan, on the map
+
+/** Sections of the Plant page for one draft. Fires `findings` and `map`. */
+export class Trials extends EventTarget {
+  findings = [];
+  map = null; // {grid, image}, as the robots' maps
+  #checked = null; // what the clearance was checked for
+  #waiting = 0; // programs that have not ended
+  #last = Promise.resolve();
+
+  /** `page`: {name, canvas, model(), edit(model), flush(), choose(tool)}. */
+  constructor(page) {
+    super();
+    this.page = page;
+    this.elements = [this.#mapSection(), this.#simulation()];
+  }
+
+  /** Load the draft's map, and follow a simulation that still runs. */
+  async open() {
+    await this.#loadMap();
+    const last = await ask("plantDrafts", this.page.name, "run");
+    if (last.draft !== this.page.name || last.program !== "SIMULATE" || !["RUNNING", "DONE"].includes(last.state)) return;
+    if (last.state === "DONE") this.#showFigures(last);
+    else run(this.simulate.querySelector("button.primary"), this.simulate.querySelector("output"), () => this.#follow().then((done) => this.#showFigures(done)));
+  }
+
+  /** Check the clearance of a changed draft, if it was checked before. */
+  async recheck() {
+    if (this.#checked && !this.#waiting) await this.#check(this.#checked).catch(() => null);
+  }
+
+  // One after the other, as the order service runs them.
+  #run(request) {
+    this.#waiting += 1;
+    const start = async () => {
+      await this.page.flush();
+      await command(["plantDrafts", this.page.name, "run"], request);
+      return this.#follow();
+    };
+    const done = this.#last.then(start);
+    this.#last = done.catch(() => null).then(() => (this.#waiting -= 1));
+    return done;
+  }
+
+  // Look at the program that runs until it ends.
+  async #follow() {
+    for (;;) {
+      const last = await ask("plantDrafts", this.page.name, "run");
+      if (last.state !== "RUNNING") {
+        if (last.state === "DONE") return last;
+        throw new RefusedError({ detail: last.texts[0] ?? t("plant.cancelled"), errors: last.texts.slice(1) });
+      }
+      await new Promise((resolve) => setTimeout(resolve, SOON));
+    }
+  }
+
+  // The map
+
+  #mapSection() {
+    const files = element("input", { type: "file", multiple: true, required: true, accept: ".yaml,.yml,.pgm,.png,.bmp" });
+    const upload = commandForm({ label: t("plant.map"), submit: t("plant.upload"), fields: [field(t("plant.mapFiles"), files)], send: () => this.#upload([...files.files]) });
+    const size = (key, value, attributes) => [key, numberInput({ value, step: 0.05, required: true, ...attributes })];
+    const inputs = Object.fromEntries([size("robotWidth", 0.6, { min: 0.05, max: 10 }), size("robotLength", 0.8, { min: 0.05, max: 10 }), size("clearance", 0.1, { min: 0, max: 5 }), size("spacing", 3, { min: 0.5, max: 20 })]);
+    const robot = () => Object.fromEntries(Object.entries(inputs).map(([key, input]) => [key, numberOf(input)]));
+    const check = button(t("plant.check"), () => run(check, work.querySelector("output"), () => this.#check(robot())));
+    const align = button(t("plant.alignMap"), () => this.#align(work.querySelector("output")));
+    const fields = element("div", { class: "fields" }, ...Object.entries(inputs).map(([key, input]) => field(t(`plant.new.${key}`), input)));
+    const work = commandForm({ label: t("plant.fromMap"), submit: t("plant.propose"), fields: [fields], more: [check, align], send: () => this.#propose(robot()) });
+    return element("section", { "aria-label": t("plant.map") }, element("h3", {}, t("plant.map")), upload, work);
+  }
+
+  async #upload(files) {
+    const sheet = files.find(({ name }) => /\.ya?ml$/i.test(name));
+    const image = files.find((file) => file !== sheet);
+    if (!sheet || !image) throw new RefusedError({ detail: t("plant.mapFiles") });
+    const name = sheet.name.replace(/\.ya?ml$/i, "");
+    await this.#run({ program: "MAP", map: { name, yaml: await sheet.text(), image: await base64(image) } });
+    await this.#loadMap();
+    return ["plant.mapKept", { name }];
+  }
+
+  async #loadMap() {
+    const { map } = await ask("plantDrafts", this.page.name, "map");
+    if (!map) return;
+    const bytes = Uint8Array.from(atob(map.picture), (each) => each.charCodeAt(0));
+    const image = await createImageBitmap(new Blob([bytes], { type: "image/png" })); // no URL, which the page may not load
+    this.map = { grid: { ...map, digest: map.picture }, image };
+    this.dispatchEvent(new Event("map"));
+    this.page.canvas.fit();
+  }
+
+  // Robots and the name stay: a map knows neither.
+  async #propose(robot) {
+    const { model, texts } = await this.#run({ program: "PROPOSE", ...robot });
+    const { name, vehicles } = this.page.model();
+    this.page.edit({ ...model, name, vehicles });
+    this.page.canvas.fit();
+    return ["plant.proposed", {}, element("ul", {}, ...texts.map((each) => foreign("li", each)))];
+  }
+
+  async #check(robot) {
+    this.#checked = robot;
+    const { findings } = await this.#run({ program: "CHECK", ...robot });
+    this.findings = findings.filter(({ code }) => code === CLOSE);
+    this.dispatchEvent(new Event("findings"));
+    return ["plant.checked", {}];
+  }
+
+  // Two places of the plan, each followed by where it is on the map.
+  #align(result) {
+    const places = [];
+    const { canvas } = this.page;
+    const tell = () => result.replaceChildren(t(`plant.pick.${places.length % 2}`, { number: number(Math.floor(places.length / 2) + 1) }));
+    this.page.choose("pick");
+    canvas.focusDrawing();
+    tell();
+    canvas.picked = (place) => {
+      places.push(place);
+      if (places.length < PLACES) return tell();
+      this.page.choose("select");
+      const [from, to, other, otherTo] = places;
+      const { model, error } = turned(this.page.model(), [from, other], [to, otherTo]);
+      this.page.edit(model);
+      result.replaceChildren(t("plant.aligned", { error: number(error, 2) }));
+    };
+  }
+
+  // The simulation
+
+  #simulation() {
+    const robots = element("input", { type: "text", value: "3, 6", required: true, pattern: " *[0-9]+( *, *[0-9]+){0,5} *" });
+    const hours = numberInput({ value: 0.5, min: 0.05, max: 8, step: 0.05, required: true });
+    const orders = element("input", { type: "file", accept: ".csv" });
+    const cancel = button(t("plant.cancel"), () => command(["plantDrafts", this.page.name, "run"], {}, "DELETE").catch(() => null));
+    this.figures = element("div");
+    const send = async () => {
+      const request = { program: "SIMULATE", robots: robots.value.split(",").map(Number), hours: numberOf(hours), orders: (await orders.files[0]?.text()) ?? "" };
+      return this.#showFigures(await this.#run(request));
+    };
+    const fields = element("div", { class: "fields" }, field(t("plant.fleetSizes"), robots), field(t("plant.hours"), hours), field(t("plant.orders"), orders));
+    this.simulate = commandForm({ label: t("plant.simulate"), submit: t("plant.simulate"), fields: [fields], more: [cancel], send });
+    return element("section", { "aria-label": t("plant.simulate") }, element("h3", {}, t("plant.simulate")), element("p", { class: "hint" }, t("plant.simulateHint")), this.simulate, this.figures);
+  }
+
+  #showFigures({ figures, activeFigures, texts }) {
+    const heads = ["plant.fleet", "plant.perHour", "plant.waits", "plant.lead", "plant.heat"].map((key) => element("th", { scope: "col" }, t(key)));
+    const rows = figures.map((figure, at) => {
+      const active = activeFigures[at];
+      const beside = (show) => [figure, active].map((each) => (each ? show(each) : "–")).join(" | ");
+      const heat = button(t("plant.showHeat"), () => this.#showHeat(figure, heat), { "aria-pressed": "false", "aria-label": t("plant.showHeatOf", { robots: number(figure.robots) }) });
+      const cells = [number(figure.robots), beside((each) => number(each.ordersPerHour, 0)), beside((each) => `${number(100 * (each.doing.waits ?? 0), 0)} %`), beside((each) => (each.leadP50 === null ? "–" : duration(each.leadP50))), heat];
+      return element("tr", {}, ...cells.map((cell) => element("td", {}, cell)));
+    });
+    const table = element("table", {}, element("caption", {}, t("plant.beside")), element("thead", {}, element("tr", {}, ...heads)), element("tbody", {}, ...rows));
+    const notes = new Set([...texts, ...figures.flatMap((each) => each.notes)]);
+    this.figures.replaceChildren(table, element("ul", { class: "hint" }, ...[...notes].map((each) => foreign("li", each))));
+    return ["plant.simulated", {}];
+  }
+
+  // Where the robots of one fleet size waited; a second click hides it.
+  #showHeat({ waitingByPlace }, heat) {
+    const shown = heat.getAttribute("aria-pressed") === "true";
+    for (const each of this.figures.querySelectorAll("[aria-pressed]")) each.setAttribute("aria-pressed", String(each === heat && !shown));
+    const most = Math.max(...Object.values(waitingByPlace));
+    this.page.canvas.waiting = shown ? null : new Map(Object.entries(waitingByPlace).map(([name, minutes]) => [name, { share: Math.sqrt(minutes / most) }]));
+    this.page.canvas.draw();
+  }
+}
+
+function base64(file) {
+  return new Promise((resolve, reject) => {
+    const reader = new FileReader();
+    reader.addEventListener("load", () => resolve(reader.result.slice(reader.result.indexOf(",") + 1)));
+    reader.addEventListener("error", () => reject(new RefusedError({ detail: reader.error.message })));
+    reader.readAsDataURL(file);
+  });
+}

@@ -1,0 +1,98 @@
+"""Programs on a draft in a real browser: an uploaded map, a proposal, clearance, alignment, a simulation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from playwright.async_api import Browser, expect
+
+from e2e.panel.test_plant import CANVAS, MODEL, SAVED, at, drag, drawing, drawn, site, tool
+from support.broker import Broker
+from support.drawn_maps import block, hall, write_map
+from support.panel import becomes, findings, picture
+
+pytestmark = [pytest.mark.e2e, pytest.mark.broker]
+
+PROGRAM = 120_000
+"""Time for a program, ms: a few seconds on a free machine."""
+GRIDS = "() => document.querySelector('nena-draft-canvas').grids.map(({ grid }) => grid.name)"
+WAITING = "() => document.querySelector('nena-draft-canvas').waiting?.size ?? 0"
+
+
+async def test_a_plant_is_proposed_from_an_uploaded_map_checked_aligned_and_simulated(  # noqa: PLR0915 - one way through
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    image = hall(10, 7)
+    block(image, 5, 4, 2, 1)
+    yaml = write_map(tmp_path, image, name="shed")
+    async with (
+        site(broker, interface_name, tmp_path) as made,
+        drawing(browser, made, "shed", "empty") as page,
+    ):
+        region = page.get_by_role("region", name="Map", exact=True)
+        await region.get_by_label("The YAML file").set_input_files([yaml])
+        await region.get_by_role("button", name="Upload").click()
+        await expect(region).to_contain_text("Refused")
+        await region.get_by_label("The YAML file").set_input_files([yaml, tmp_path / "shed.pgm"])
+        await region.get_by_role("button", name="Upload").click()
+        await expect(region).to_contain_text("The map shed lies under the plan.", timeout=PROGRAM)
+        assert await page.evaluate(GRIDS) == ["shed"]
+        await region.get_by_label("Distance between points in m").fill("2")
+        await region.get_by_role("button", name="Propose a plant").click()
+        await expect(region).to_contain_text("The proposal has replaced the drawing", timeout=PROGRAM)
+        proposed = await drawn(page)
+        assert (proposed["name"], len(proposed["points"]) > 5) == ("shed", True)
+        assert {each["properties"]["vda5050:mapId"] for each in proposed["points"]} == {"shed"}
+        # the clearance of each path, again after each change
+        await region.get_by_role("button", name="Check clearance").click()
+        await expect(region).to_contain_text("are among the findings", timeout=PROGRAM)
+        await expect(page.locator(SAVED)).to_be_visible()
+        await tool(page, "Point")
+        await page.mouse.click(*await at(page, 6, 4.5))
+        [pillar] = {each["name"] for each in (await drawn(page))["points"]} - {
+            each["name"] for each in proposed["points"]
+        }
+        await tool(page, "Two-way path")
+        start = min(proposed["points"], key=lambda each: abs(each["xMm"] - 6000) + abs(each["yMm"] - 3000))
+        await drag(page, (start["xMm"] / 1000, start["yMm"] / 1000), (6, 4.5))
+        close = page.locator("li[data-code=PATH_TOO_CLOSE]").filter(has_text=pillar)
+        await expect(close.first).to_contain_text("touches an obstacle", timeout=PROGRAM)
+        assert await findings(page) == []
+        await picture(page, "plant-clearance")
+        for _ in range(2):
+            await page.get_by_role("button", name="Undo").click()
+        # two pairs of places that lie 1 m beside each other
+        await region.get_by_role("button", name="Align plan and map").click()
+        for place in ((2.1, 1.6), (3.1, 1.6), (8.2, 5.3), (9.2, 5.3)):
+            await page.mouse.click(*await at(page, *place))
+        await expect(region).to_contain_text("differ by 0.00 m")
+        before, after = (
+            {each["name"]: each for each in model["points"]} for model in (proposed, await drawn(page))
+        )
+        moved = {abs(after[name]["xMm"] - before[name]["xMm"] - 1000) for name in before}
+        assert max(moved) <= 30, "to a pixel"
+        await page.get_by_role("button", name="Undo").click()
+        await becomes(page, MODEL, None, lambda model: model["points"] == proposed["points"])
+        await page.locator(CANVAS).press("Escape")
+        # the same draft after a reload: with its map, and with the figures of its simulation
+        trial = page.get_by_role("form", name="Simulate")
+        await trial.get_by_label("Numbers of robots").fill("1, 4")
+        await trial.get_by_label("Simulated hours").fill("0.1")
+        await trial.get_by_role("button", name="Simulate").click()
+        await expect(trial).to_contain_text("no orders can be drawn", timeout=PROGRAM)
+        ends = ",".join(each["name"] for each in proposed["points"][:2])
+        orders = tmp_path / "orders.csv"
+        orders.write_text(f"from,to,per_hour\n{ends},900\n")
+        await trial.get_by_label("Orders").set_input_files([orders])
+        await trial.get_by_role("button", name="Simulate").click()
+        await expect(trial).to_contain_text("Simulated.", timeout=PROGRAM)
+        await page.reload()
+        shown = page.get_by_role("region", name="Simulate")
+        await expect(shown.get_by_role("row")).to_have_count(3)
+        assert await page.evaluate(GRIDS) == ["shed"]
+        await shown.get_by_role("button", name="Show where 4 robots wait").click()
+        assert await page.evaluate(WAITING) > 0
+        await shown.scroll_into_view_if_needed()
+        assert await findings(page) == []
+        await picture(page, "plant-simulated")
