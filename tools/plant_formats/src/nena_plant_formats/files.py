@@ -1,5 +1,6 @@
 """Read plant models of any supported format, detected by content."""
 
+import json
 from collections import Counter
 from dataclasses import replace
 from enum import StrEnum
@@ -7,7 +8,7 @@ from typing import Final
 
 from pydantic import ValidationError
 
-from nena_plant_formats import lif, opentcs_xml
+from nena_plant_formats import lif, nav2_route, opentcs_xml
 from nena_plant_formats.exchange import (
     ImportReport,
     letters_of,
@@ -32,6 +33,8 @@ class PlantFormat(StrEnum):
 
     OPENTCS = "opentcs"
     LIF = "lif"
+    NAV2_ROUTE = "nav2-route"
+    """Nav2's route graph (GeoJSON)."""
     NENA = "nena"
     """NeNa's own JSON: lossless."""
 
@@ -47,8 +50,12 @@ def format_of(data: bytes) -> PlantFormat:
     # One of them is enough: then the reader of LIF names what is missing.
     if isinstance(content, dict) and _LIF & set(map(letters_of, content)):
         return PlantFormat.LIF
+    if isinstance(content, dict) and "features" in content:
+        return PlantFormat.NAV2_ROUTE
     if other := name_of(text, content, _NENA):
-        other += ". A plant model is openTCS XML, LIF or NeNa's JSON (docs/plant-models.md)"
+        other += (
+            ". A plant model is openTCS XML, LIF, a route graph of Nav2 or NeNa's JSON (docs/plant-models.md)"
+        )
         raise refusal("NOT_A_PLANT_MODEL", f"this is {other}") from malformed
     if malformed:
         raise malformed
@@ -67,7 +74,10 @@ def read(data: bytes, *, strict: bool = False) -> ImportReport:
     if form is PlantFormat.OPENTCS:
         return opentcs_xml.read(data.lstrip())
     text = _json_bytes(data)
-    report = lif.read(text, strict=strict) if form is PlantFormat.LIF else read_nena(text)
+    if form is PlantFormat.LIF:
+        report = lif.read(text, strict=strict)
+    else:
+        report = _read_route_graph(text) if form is PlantFormat.NAV2_ROUTE else read_nena(text)
     repeated = (
         PlantProblem(
             "REPEATED_KEY",
@@ -78,6 +88,12 @@ def read(data: bytes, *, strict: bool = False) -> ImportReport:
         for key, count in sorted(repeated_keys(text).items())
     )
     return replace(report, warnings=(*repeated, *report.warnings))
+
+
+def _read_route_graph(data: bytes) -> ImportReport:
+    content, losses = nav2_route.to_nena(parse_json(data))
+    report = read_nena(json.dumps(content).encode())
+    return replace(report, warnings=(*losses, *report.warnings))
 
 
 def read_nena(data: bytes) -> ImportReport:

@@ -40,7 +40,6 @@ _API: Final = f"the description of an HTTP interface (OpenAPI), no plant; {_REDR
 _BY_FIELDS: Final = (
     ({"openapi"}, _API),
     ({"swagger"}, _API),
-    ({"features"}, f"GeoJSON, such as a route graph of Nav2, which NeNa writes but does not read; {_REDRAW}"),
     ({"type", "geometry"}, f"GeoJSON; {_REDRAW}"),
     ({"advancedPointList"}, f"a map of SEER's robots (smap); {_REDRAW}"),
     ({"levels"}, f"a building or site of Open-RMF; {_REDRAW}"),
