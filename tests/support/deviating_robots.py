@@ -50,6 +50,8 @@ class Deviation:
     """Stands before the message."""
     capitals: bool = False
     """Whether the names of all its members begin with a capital letter."""
+    wrapped: str = ""
+    """The only member of the message, whose value is what the standard demands."""
     first: str = ""
     """Stands in the message before its other members."""
     seen: str = ""
@@ -62,6 +64,7 @@ class Deviation:
             _put(content, path.split("."), value)
         if self.capitals:
             content = {name[0].upper() + name[1:]: value for name, value in content.items()}
+        content = {self.wrapped: content} if self.wrapped else content
         return self.raw + json.dumps(content).replace("{", "{" + self.first, 1).encode()
 
 
@@ -501,6 +504,11 @@ def _unreadable() -> Iterator[Deviation]:
         "message of 3.0 on a topic of 2.x",
         {"agvPosition": MISSING, "batteryState": MISSING, "powerSupply": {}},
         refusal=f"{sends}message: has powerSupply, a field of VDA 5050 3.x",
+    )
+    yield Deviation(
+        "state in an object of its own",
+        refusal=f'{sends}message: has no field of a message of this topic, but "state"',
+        wrapped="state",
     )
     yield Deviation("what is no JSON", refusal=f"{sends}message: Invalid JSON", raw=b"<state>")
 

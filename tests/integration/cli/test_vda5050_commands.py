@@ -143,6 +143,18 @@ def test_check_reports_errors_and_exits_with_1() -> None:
     assert "message; VDA 5050 3.0.0, 7.8" in text
 
 
+@pytest.mark.parametrize(
+    ("lines", "told"), [("", ""), ('ACME/1/state {"orderId": ""}', ", such as 'ACME/1/state'")]
+)
+def test_a_recording_without_a_message_of_vda_5050_does_not_pass(lines: str, told: str) -> None:
+    done = nena("check", "-", stdin=lines)
+    assert done.returncode == 1
+    assert (
+        f"No message has a topic of VDA 5050 (interface/v2/manufacturer/serialNumber/state){told}."
+        in done.stderr
+    )
+
+
 def test_warnings_count_with_the_option() -> None:
     recorded = (FOLDER / "2.1.0-refusals.jsonl").read_text(encoding="utf-8").splitlines(keepends=True)
     # without the order that begins 70 m from the robot, which is an error

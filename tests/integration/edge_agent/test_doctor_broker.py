@@ -6,6 +6,7 @@ import asyncio
 import json
 import socket
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -137,6 +138,17 @@ async def test_wrong_credentials(
 
     assert verdicts(view)[Link.BROKER] is OK
     assert verdicts(view)[Link.LOGIN] is verdict
+    if verdict is MISSING:
+        assert "whether it admits the client ID" in first_missing(view).remedy
+
+
+@pytest.mark.parametrize("more", ["retain_available false\n", "max_qos 0\n"])
+async def test_broker_that_refuses_the_last_will(more: str) -> None:
+    with closing(Broker(more=more)) as broker:
+        view = await examine_broker(settings_for(broker.settings))
+
+    assert verdicts(view)[Link.LOGIN] is MISSING
+    assert "whether it allows the last will: a retained message of QoS 1" in first_missing(view).text
 
 
 async def test_robot_without_write_permission(guarded: Broker) -> None:

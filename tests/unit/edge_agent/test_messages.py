@@ -403,4 +403,7 @@ def test_a_text_that_is_not_a_valid_value_is_unchanged(kind: str, text: str) -> 
     parameter = Parameter("p", ValueDataType(kind))
 
     assert parameter.read(text) == text
-    assert parameter.problem(parameter.read(text)) == f"parameter 'p' must be of type {kind}"
+    assert (
+        parameter.problem(parameter.read(text))
+        == f"parameter 'p' must be of type {kind} (received {json.dumps(text)})"
+    )

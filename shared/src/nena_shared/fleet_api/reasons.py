@@ -289,6 +289,7 @@ class ReasonCode(StrEnum):
     IS_LEAVING = auto()
     NO_FACTSHEET = auto()
     ORDER_UNCONFIRMED = auto()
+    ORDER_INTERVAL = auto()
     END_UNCONFIRMED = auto()
     KEEPS_STATES = auto()
     NO_POSE = auto()

@@ -42,8 +42,8 @@ CLOSED = "the broker closed the connection"
 CLOSED_AT_ONCE = "the broker closed the connection right after it accepted it"
 CLOSED_UNANSWERED = "the connection ended before the broker answered a subscription"
 NOT_ACCEPTED = (
-    "before it accepted the connection; check whether this port is one for MQTT, and whether it expects TLS "
-    "or a different certificate (mqtt.tls)"
+    "before it accepted the connection; check whether this port is one for MQTT, whether it expects TLS or a "
+    "different certificate (mqtt.tls), and whether it allows the last will: a retained message of QoS 1"
 )
 NO_ANSWER = "the broker did not answer in time"
 NO_MQTT = f"{NO_ANSWER}; check whether this port is one for MQTT"

@@ -365,6 +365,11 @@ def _name_warnings(model: PlantModel) -> Iterator[PlantProblem]:
             yield PlantProblem("LONG_NAME", kind, name, text)
 
 
+_SHORT_MM: Final = 100
+_LONG_MM: Final = 2_000_000
+"""A plant without a path between these lengths is probably in another unit."""
+
+
 def _track_warnings(model: PlantModel) -> Iterator[PlantProblem]:
     used = {end for path in model.paths for end in (path.source, path.destination)}
     for point in model.points:
@@ -380,6 +385,10 @@ def _track_warnings(model: PlantModel) -> Iterator[PlantProblem]:
         if not any(path.edges()):
             text = "both maximum speeds are 0, so no vehicle can use it"
             yield PlantProblem("PATH_NOT_DRIVABLE", ObjectKind.PATH, path.name, text)
+    longest = max((path.length_mm for path in model.paths), default=_SHORT_MM)
+    if not _SHORT_MM <= longest <= _LONG_MM:
+        text = f"the longest path has {longest} mm: check the unit of lengths (openTCS: mm, LIF: m)"
+        yield PlantProblem("IMPLAUSIBLE_LENGTHS", ObjectKind.MODEL, model.name, text)
     if not any(point.type is PointType.PARK_POSITION for point in model.points):
         text = "no parking position (PARK_POSITION), so idle vehicles stay where they are"
         yield PlantProblem("NO_PARK_POSITION", ObjectKind.MODEL, model.name, text)

@@ -16,6 +16,8 @@ from nena_shared.findings import in_words
 REFERENCE_KEYS = ("headerId", "orderId", "orderUpdateId")
 _FIELD: Final = re.compile(r"(?!message:)([A-Za-z][\w.]*): ", re.ASCII)
 """The path of a field at the beginning of a problem."""
+_PLACE: Final = re.compile(r"line (\d+) column (\d+)")
+"""Where pydantic finds invalid JSON."""
 REFERENCE_LENGTH = 1024
 """Maximum length of a reference, characters; no longer ID is ever accepted."""
 
@@ -80,14 +82,18 @@ def repeated_key(payload: bytes) -> str:
 
 
 def received_in(error: ValidationError, payload: bytes) -> str:
-    """Quote the value of pydantic's first error; for invalid JSON the start of the payload."""
+    """Quote the value of pydantic's first error; for invalid JSON the text around the place."""
     if error.error_count() > TOO_MANY:
         return ""
     first = error.errors(include_url=False, include_context=False)[0]
     if first["type"] == "missing":
         return ""
     if first["type"] == "json_invalid":
-        return repr(payload[:QUOTED])[1:]
+        # what is wrong is before the place that the parser names
+        line, column = map(int, _PLACE.findall(first["msg"])[0])
+        lines = payload.split(b"\n")
+        at = sum(len(each) + 1 for each in lines[: line - 1]) + column
+        return repr(payload[max(at - QUOTED // 2, 0) :][:QUOTED])[1:]
     return quoted(first["input"])
 
 

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
-from nena_shared.vda5050.malformed import MalformedMessageError, quoted, repeated_key
+from nena_shared.vda5050.malformed import QUOTED, MalformedMessageError, quoted, repeated_key
 from nena_shared.vda5050.records import (
     RECORDED,
     changed,
@@ -324,6 +324,10 @@ def _read_strictly(kind: type[M], codec: Codec, payload: bytes) -> M:
 
 def _check_form(kind: type[Header], content: dict[str, Any], major_version: str) -> None:
     """Raise MalformedMessageError for a message in the form of another major version than its topic's."""
+    if content and content.keys().isdisjoint(_members_of(kind)):
+        names = ", ".join(map(quoted, content))
+        problem = f"message: has no field of a message of this topic, but {names[:QUOTED]}"
+        raise MalformedMessageError(kind.__name__, [problem])
     own, others = _telling_members(kind, major_version)
     if content.keys().isdisjoint(others) or not content.keys().isdisjoint(own):
         return
@@ -333,6 +337,13 @@ def _check_form(kind: type[Header], content: dict[str, Any], major_version: str)
         f"let the robot use topics of v{others[name]}, or messages of {major_version[1:]}.x"
     )
     raise MalformedMessageError(kind.__name__, [problem])
+
+
+@cache
+def _members_of(kind: type[Header]) -> frozenset[str]:
+    """Return the members of a message in all versions."""
+    forms = (codec_for(version).forms.get(kind) for version in CODECS)
+    return frozenset(name for form in forms if form for field in fields_of(form) for name in field.wire)
 
 
 @cache

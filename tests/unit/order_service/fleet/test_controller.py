@@ -317,6 +317,20 @@ def test_orders_and_updates_respect_the_factsheets_minimum_interval(*, is_update
     assert bench.orders_sent() == ["m", "m"]
 
 
+@pytest.mark.parametrize("is_update", [False, True])
+def test_a_long_minimum_interval_is_the_reason_to_wait(*, is_update: bool) -> None:
+    bench = Bench().online()
+    bench.take(bench.fleet.on_factsheet(ROBOT, factsheet(order_interval=1000.0), bench.now))
+    bench.start(released_to(LONG_WAY, 2) if is_update else make_vda_order("first", "A", "B"))
+    if is_update:
+        bench.exchange()
+        bench.take(bench.control.extend_order(LONG_WAY, bench.now))
+    else:
+        bench.run()
+        bench.start(make_vda_order("second", "B", "C"))
+    assert "only every 1000 s" in str(bench.view().wait_reason)
+
+
 def test_without_a_vda_order_there_is_nothing_to_cancel_or_to_extend() -> None:
     bench = Bench().online()
     assert bench.cancel() == ()

@@ -73,7 +73,9 @@ def test_the_link_of_a_robot(
 
 
 @pytest.mark.clause("7.10/interval")
-@pytest.mark.parametrize(("interval", "silent_after"), [(1.0, 35.0), (30.0, 90.0), (None, 35.0)])
+@pytest.mark.parametrize(
+    ("interval", "silent_after"), [(1.0, 35.0), (30.0, 90.0), (None, 35.0), (30_000.0, 90.0)]
+)
 def test_the_usual_interval_of_the_robot_counts(
     robot: Robot, interval: float | None, silent_after: float
 ) -> None:

@@ -113,7 +113,9 @@ def test_the_form_is_that_of_the_stated_version() -> None:
     )
     mixed = json.loads(lif_2_0_of(robot_node("A")))
     mixed["metaInformation"]["lifVersion"] = "1.0.0"
-    assert "layouts: is missing" in refusal(json.dumps(mixed).encode())
+    told = refusal(json.dumps(mixed).encode())
+    assert "layouts: is missing, but the file has 'origins'" in told
+    assert "correct lifVersion, which is '1.0.0'" in told
     for silent in (None, "", "two"):
         mixed["metaInformation"]["lifVersion"] = silent
         assert "NOT_LIF" in codes(json.dumps(mixed).encode())

@@ -107,6 +107,12 @@ def test_unusable_tracks_are_reported() -> None:
     assert ("NO_PARK_POSITION", "test") in found
 
 
+@pytest.mark.parametrize(("length", "found"), [(4, True), (100, False), (12_000_000, True)])
+def test_lengths_in_another_unit_are_found(length: int, *, found: bool) -> None:
+    model = plant(path("A B", length), path("B A", length))
+    assert (("IMPLAUSIBLE_LENGTHS", "test") in codes(model)) is found
+
+
 def test_points_that_are_cut_off_are_named() -> None:
     model = plant(path("A B"), path("B A"), path("A C"))
     texts = [problem.text for problem in find_warnings(model) if problem.code == "NOT_STRONGLY_CONNECTED"]

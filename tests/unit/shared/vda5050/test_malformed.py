@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from nena_shared.vda5050.malformed import problems_of
+from nena_shared.vda5050.malformed import problems_of, received_in
 
 
 class Node(BaseModel):
@@ -19,6 +19,13 @@ def test_findings_name_the_path_of_the_field() -> None:
         Way.model_validate({"nodes": [{"sequence": 1}, {"sequence": "x"}]})
     (problem,) = problems_of(caught.value)
     assert problem.startswith("nodes.1.sequence: ")
+
+
+def test_what_is_no_json_is_quoted_around_the_place() -> None:
+    payload = b'{"sequence": 1,\n "text": "' + b"x" * 100 + b' f\xfcr Scanner"}'
+    with pytest.raises(ValidationError) as caught:
+        Node.model_validate_json(payload)
+    assert "f\\xfcr" in received_in(caught.value, payload)
 
 
 def test_error_about_the_whole_message_has_no_path() -> None:

@@ -37,6 +37,8 @@ def test_silence_limit_is_35_s_unless_the_factsheet_has_a_longer_interval() -> N
     assert robot.silence_limit(None) == 35
     robot.factsheet = factsheet(state_interval=30.0)
     assert robot.silence_limit(None) == 90
+    robot.factsheet = factsheet(state_interval=30_000.0)
+    assert robot.silence_limit(None) == 90, "milliseconds"
     assert robot.silence_limit(4.0) == 4
 
 

@@ -172,7 +172,7 @@ def check(
     strict: Annotated[bool, typer.Option("--strict", help="Treat warnings as errors.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print findings as JSON lines.")] = False,
 ) -> None:
-    """Check a conversation against VDA 5050; the exit status is 1 if it has errors."""
+    """Check a conversation against VDA 5050; the exit status is 1 if it has errors or no such message."""
     checker = Checker()
     found = dict.fromkeys(Severity, 0)
 
@@ -198,7 +198,10 @@ def check(
         report(checker.end())
     errors, warnings = found[Severity.ERROR], found[Severity.WARNING]
     echo(f"{checker.checked} messages checked, {errors} errors, {warnings} warnings")
-    raise typer.Exit(FOUND if errors or (strict and warnings) else 0)
+    if not checker.checked:
+        seen = f", such as {checker.other_topic!r}" if checker.other_topic else ""
+        echo(f"No message has a topic of VDA 5050 (interface/v2/manufacturer/serialNumber/state){seen}.")
+    raise typer.Exit(FOUND if errors or not checker.checked or (strict and warnings) else 0)
 
 
 tests = typer.Typer(

@@ -420,6 +420,8 @@ class Checker:
 
     def __init__(self) -> None:
         self.checked = 0
+        self.other_topic = ""
+        """The first topic that is not one of VDA 5050."""
         self._number = 0
         self._now: datetime | None = None
         self._overdue_checked: datetime | None = None
@@ -431,6 +433,7 @@ class Checker:
         self._number += 1
         received = parse(entry, self._number)
         if received is None:
+            self.other_topic = self.other_topic or entry.topic
             return
         self.checked += 1
         yield from self._advance_time(received.time)

@@ -20,7 +20,7 @@ from nena_edge_agent.messages import HeaderMaker, client_id_of
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.topics import FleetTopics, suits_all_brokers
-from nena_shared.mqtt import Inbound, LinkHooks, MqttLink
+from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound
 from nena_shared.mqtt.broker_check import delivers
 from nena_shared.mqtt.client import NO_MQTT, NOT_ACCEPTED
 from nena_shared.mqtt.identity import tls_context
@@ -70,10 +70,13 @@ async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
         if problem:
             who = f"user '{mqtt.username}'" if mqtt.username else "an anonymous client"
             text = f"the broker rejected {who}: {problem}"
-            remedy = "check mqtt.username and mqtt.password_file, and the users of the broker"
+            remedy = (
+                "check mqtt.username and mqtt.password_file, the users of the broker, and whether it admits "
+                f"the client ID {client_id(settings)}"
+            )
             if problem == _LATE.format(ANSWER_WITHIN) or problem.endswith((NO_MQTT, NOT_ACCEPTED)):
                 text = f"{place} does not answer as a broker of MQTT does: {problem}"
-                remedy = "check that mqtt.port is the broker's port for MQTT"
+                remedy = "check that mqtt.port is the broker's port for MQTT, and the broker's log"
             if mqtt.tls.wanted:
                 remedy += "; for an untrusted certificate, mqtt.tls.ca, mqtt.tls.certificate and both clocks"
             rejected = missing(Link.LOGIN, text, remedy)
@@ -132,7 +135,10 @@ class _BrokerProbe:
         scheme = topics_for(settings.version, settings.interface_name)
         mqtt = settings.mqtt.model_copy(update={"client_id": client_id(settings)})
         self._answered = asyncio.Event()
-        self._link = MqttLink(mqtt, client_id="", hooks=LinkHooks(on_subscribed=self._answered.set))
+        # Some brokers refuse a connection whose will is retained or of QoS 1, as the agent's is.
+        will = Outbound(f"{scheme.interface_name}/{scheme.major_version}/{robot}/doctor", b"", retain=True)
+        hooks = LinkHooks(will=lambda: will, on_subscribed=self._answered.set)
+        self._link = MqttLink(mqtt, client_id="", hooks=hooks)
         self._plant: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
         # What the agent itself subscribes to; zone sets and responses exist since VDA 5050 3.0.
         topics_read = [Topic.ORDER, Topic.INSTANT_ACTIONS]

@@ -27,6 +27,7 @@ from nena_shared.vda5050.action import (
 )
 from nena_shared.vda5050.base import ANGLE_LIMIT
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
+from nena_shared.vda5050.malformed import QUOTE, quoted
 from nena_shared.vda5050.repair import FULL_TURN, FULL_TURN_DEGREES
 from nena_shared.vda5050.rules import Rules
 
@@ -85,7 +86,7 @@ class Parameter:
         # A number must fit a float64 (7.1). A bool is no number, although Python's is an int.
         fits = type(value) in _PYTHON_TYPES[self.data_type]
         if not fits or (isinstance(value, int) and abs(value) > float_info.max):
-            return f"parameter '{self.key}' must be of type {self.data_type}"
+            return f"parameter '{self.key}' must be of type {self.data_type}{QUOTE}{quoted(value)})"
         if self.choices and value not in self.choices:
             return f"parameter '{self.key}' must be one of {self._list_choices}"
         if not isinstance(value, int | float):

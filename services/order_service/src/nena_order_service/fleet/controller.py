@@ -52,6 +52,10 @@ STRAY_PAUSE: Final = 30.0
 """Seconds between attempts to stop a robot that executes a VDA order that has already ended here."""
 
 
+TOLD_FROM: Final = 10.0
+"""Seconds; a longer minimum interval between two orders is a reason to wait that people are told."""
+
+
 def _no_deviations(_: RobotKey) -> tuple[Repair, ...]:
     return ()
 
@@ -374,8 +378,7 @@ class RobotControl:
         A robot that cannot execute the order is sent nothing of it.
         """
         # timing.minimumOrderInterval (7.10) counts for updates as well: both are orders on the wire.
-        since = self._last_order_at
-        if not run.is_due(now) or (since is not None and now - since < self.robot.least_order_interval):
+        if not run.is_due(now) or self._is_too_soon(now):
             return
         state, abilities = self.robot.state, self.robot.abilities
         if state is None or self._cannot_receive(run, now):
@@ -389,6 +392,10 @@ class RobotControl:
             return
         self._last_order_at = now
         yield run.send(state.errors, now)
+
+    def _is_too_soon(self, now: float) -> bool:
+        since = self._last_order_at
+        return since is not None and now - since < self.robot.least_order_interval
 
     def _forget_order(self, run: OrderExecution) -> None:
         self._ended.append(run.vda_order.order_id)
@@ -425,6 +432,8 @@ class RobotControl:
         run = self._run
         if run is None:
             return None
+        if self.robot.least_order_interval > TOLD_FROM and run.is_due(now) and self._is_too_soon(now):
+            return Reason(R.ROBOT, Reason(R.ORDER_INTERVAL, limit=self.robot.least_order_interval))
         if run.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
             reason = self._why_unsendable(now)
             unseen = self.robot.unreadable or (Reason(R.ORDER_UNCONFIRMED) if run.is_resent else None)

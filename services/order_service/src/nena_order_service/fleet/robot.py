@@ -41,6 +41,9 @@ CONNECTIONS_KEPT: Final = 20
 """Number of connection messages per robot that are recognised when repeated."""
 
 
+LONGEST_STATE_INTERVAL: Final = 30.0
+"""Seconds; a robot sends a state at least this often (section 6.6)."""
+
 POSITION_WITHIN: Final = 30.0
 """Seconds of states without a position after connecting that mark a robot as never reporting it."""
 
@@ -398,7 +401,9 @@ class Robot:
         """Store what the robot supports and how often it reports (section 7.10)."""
         self.abilities = Abilities(message)
         interval = message.protocol_limits.timing.default_state_interval or 0.0
-        self._silent_after = max(self.settings.silent_after, self.settings.silent_intervals * interval)
+        # 30 s at most by the standard (6.6): some factsheets have milliseconds
+        intervals = self.settings.silent_intervals * min(interval, LONGEST_STATE_INTERVAL)
+        self._silent_after = max(self.settings.silent_after, intervals)
 
     def link_status(self, now: float) -> LinkStatus:
         """Return the state of the link; a robot with unreadable or ignored messages is not silent."""

@@ -329,7 +329,8 @@ class Robot:
             return setting
         timing = self.factsheet.protocol_limits.timing if self.factsheet else None
         interval = (timing.default_state_interval if timing else None) or 0.0
-        return max(INTERVALS_MISSED * interval, LEAST_SILENCE_LIMIT)
+        # 30 s at most by the standard (3.0, 6.6): some factsheets have milliseconds
+        return max(INTERVALS_MISSED * min(interval, 30.0), LEAST_SILENCE_LIMIT)
 
     def state_age(self, at: Timestamp) -> float | None:
         """Return the time since the last state, s; None before the first."""

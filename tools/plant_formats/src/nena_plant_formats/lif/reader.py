@@ -115,7 +115,12 @@ def _version_of(raw: Any) -> LifVersion:  # noqa: ANN401 - whatever the JSON hol
         shown = repr(stated[: checks.SHOWN])
         text = f"lifVersion {shown} is not supported; save the file as {LifVersion.V1_0} or {LifVersion.V2_0}"
         raise refusal("UNSUPPORTED_VERSION", text)
-    return LifVersion.V2_0 if int(major[1]) == 2 else LifVersion.V1_0  # noqa: PLR2004 - the major version
+    version = LifVersion.V2_0 if int(major[1]) == 2 else LifVersion.V1_0  # noqa: PLR2004 - the major version
+    own, other = ("layouts", "origins") if version is LifVersion.V1_0 else ("origins", "layouts")
+    if own not in content and other in content:
+        text = f"{own}: is missing, but the file has {other!r}, as LIF of another version: correct lifVersion"
+        raise refusal("NOT_LIF", f"{text}, which is {stated!r}")
+    return version
 
 
 F = TypeVar("F", LifFile, mobile_robots.OriginsFile)
