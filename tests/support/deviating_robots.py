@@ -194,6 +194,12 @@ def _of_battery() -> Iterator[Deviation]:
             "must recharge first: critical energy",
         )
     yield Deviation(
+        "battery 0.85, a fraction",
+        {"batteryState.batteryCharge": 0.85},
+        f"{at} 0.85 (a fraction?): unit in doubt",
+        "must recharge first: critical energy",
+    )
+    yield Deviation(
         "battery -1 %",
         {"batteryState.batteryCharge": -1},
         f"{at} -1: clamped",
@@ -410,6 +416,13 @@ def _of_words() -> Iterator[Deviation]:
         "eStop in small letters", {"safetyState.eStop": "none"}, 'state.safetyState.eStop "none": letter case'
     )
     yield Deviation(
+        "unknown actionStatus",
+        {"actionStates": [{"actionId": "a", "actionType": "pick", "actionStatus": "DONE"}]},
+        'state.actionStates.actionStatus "DONE": replaced',
+        'has an action that counts as RUNNING because of actionStates.actionStatus "DONE"; allowed are '
+        "WAITING",
+    )
+    yield Deviation(
         "unknown eStop",
         {"safetyState.eStop": "PRESSED"},
         'state.safetyState.eStop "PRESSED": replaced',
@@ -444,6 +457,13 @@ def _of_words() -> Iterator[Deviation]:
         "factsheet.protocolFeatures.optionalParameters null: empty list",
         topic=Topic.FACTSHEET,
     )
+    for name, value, unit in (("length", 1100.0, "mm"), ("speedMax", 1500.0, "mm/s")):
+        yield Deviation(
+            f"factsheet with a {name} of {value:g}",
+            {f"physicalParameters.{name}": value},
+            f"factsheet.physicalParameters.{name} {value:g} ({unit}?): unit in doubt",
+            topic=Topic.FACTSHEET,
+        )
     for name, seen in (
         ("protocolLimits", of_factsheets(8)),
         ("agvGeometry", of_factsheets(5)),

@@ -134,7 +134,8 @@ def amiss(deviation: Deviation, vehicle: Mapping[str, Any], order: Mapping[str, 
     ):
         return f"{deviation.words}: {order['state']}, {vehicle['reason']}"
     parts = [deviation.refusal]
-    if not deviation.refusal.startswith("sends states that are unreadable"):
+    used_as_it_is = deviation.report.endswith("in doubt")
+    if not used_as_it_is and not deviation.refusal.startswith("sends states that are unreadable"):
         parts.append(deviation.report.removeprefix("state.").rpartition(":")[0])
     if deviation.refusal and any(part not in order["reason"] for part in parts):
         return f"{deviation.words}: the order's reason does not say why: {order['reason']}"

@@ -185,6 +185,26 @@ def test_a_key_with_two_values_is_an_error(version: str) -> None:
     assert finding.text.startswith("orderId: is there twice")
 
 
+@pytest.mark.parametrize("stated", ["2.1.0", "2.1"])
+@pytest.mark.parametrize(("name", "other"), [("manufacturer", "acme"), ("serialNumber", "R1")])
+def test_a_name_in_other_letters_than_the_topic_s_is_an_error(name: str, other: str, stated: str) -> None:
+    """In a message that is right otherwise, and in one that is not."""
+    content = json.loads(codec_for("2.1.0").encode(example_state()))
+    content |= {"manufacturer": "ACME", "serialNumber": "r1", "version": stated, name: other}
+
+    assert other in sent("2.1.0", "state", json.dumps(content).encode()).texts
+
+
+def test_a_unit_in_doubt_is_told_once() -> None:
+    talk = Talk("2.1.0")
+    power = example_state().power_supply.model_copy(update={"state_of_charge": 0.85})
+    for _ in range(3):
+        talk.state(power_supply=power)
+
+    texts = [each.text for each in talk.findings]
+    assert texts == ["batteryState.batteryCharge 0.85 (a fraction?): unit in doubt"]
+
+
 @pytest.mark.parametrize("version", CODECS)
 def test_a_field_that_the_version_does_not_have_is_a_warning(version: str) -> None:
     (finding,) = changed(version, colour="red").findings

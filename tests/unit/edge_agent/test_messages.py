@@ -361,6 +361,8 @@ def test_numbers_and_booleans_sent_as_text_are_accepted_if_the_action_declares_t
         ({"theta": 4.0}, {"theta": 4.0 - 2 * pi}),
         ({"mapId": ""}, {"mapId": "hall"}),
         ({"mapId": None}, {"mapId": "hall"}),
+        ({"mapId": "Hall"}, {"mapId": "hall"}),
+        ({"mapId": "yard"}, {}),
         ({"lastNodeId": None}, {"lastNodeId": ""}),
         ({"x": "1.5"}, {"x": 1.5}),
         ({"lastNodeId": ""}, {}),

@@ -36,7 +36,7 @@ from nena_shared.vda5050.deviations import Deviations
 from nena_shared.vda5050.error import ErrorReference, ErrorType, error
 from nena_shared.vda5050.malformed import TWICE, MalformedMessageError, quoted, repeated_key
 from nena_shared.vda5050.order import Order
-from nena_shared.vda5050.repair import FULL_TURN, Repair, RepairKind
+from nena_shared.vda5050.repair import FULL_TURN, Repair, RepairKind, meant_map
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
@@ -308,10 +308,8 @@ class Inbox:
         # A strict robot refuses what violates the standard; others repair what has only one meaning.
         if self._strict:
             return self._codec.decode(kind, payload)
-        only_map, now = self._only_map(), self._clock.now()
-        command, repairs = read_command(
-            kind, self._codec, payload, now=now, robot=self._robot, only_map=only_map
-        )
+        maps, now = self._map_ids(), self._clock.now()
+        command, repairs = read_command(kind, self._codec, payload, now=now, robot=self._robot, maps=maps)
         # The type of a parameter's value is in the robot's factsheet (7.10), not in the message's schema.
         command, texts = self._with_values(command)
         repairs += texts
@@ -320,10 +318,6 @@ class Inbox:
             self._dated = not any(repair.kind is RepairKind.TIME_OF_ARRIVAL for repair in repairs)
             self._deviations.note(self._robot, topic.value, repairs)
         return command
-
-    def _only_map(self) -> str:
-        map_ids = self._map_ids()
-        return next(iter(map_ids)) if len(map_ids) == 1 else ""
 
     def _with_values(self, message: M) -> tuple[M, tuple[Repair, ...]]:
         """Return the message with action parameters converted to their types if they were sent as strings."""
@@ -367,15 +361,19 @@ class Inbox:
         return changed
 
     def _complete_position(self, action: Action, at: str, repairs: list[Repair]) -> Action:
-        only_map = self._only_map()
-        for key, value in (("lastNodeId", ""), *([("mapId", only_map)] if only_map else [])):
-            sent = action.parameter(key)
-            if sent in (None, "") and sent != value:
+        node, map_id = action.parameter("lastNodeId"), action.parameter("mapId")
+        meant = (
+            ("lastNodeId", node, None if node else ""),
+            ("mapId", map_id, meant_map(map_id, self._map_ids())),
+        )
+        for key, sent, value in meant:
+            if value is not None and sent != value:
                 others = [each for each in action.action_parameters if each.key != key]
                 others.append(ActionParameter(key=key, value=value))
                 action = action.model_copy(update={"action_parameters": tuple(others)})
                 received = "missing" if sent is None else quoted(sent)
-                repairs.append(Repair(at, RepairKind.REPLACED, f"{key} {received}"))
+                kind = RepairKind.LETTER_CASE if sent else RepairKind.REPLACED
+                repairs.append(Repair(at, kind, f"{key} {received}"))
         return action
 
     def _refuse_message(self, problem: str, topic: Topic, references: dict[str, str]) -> None:

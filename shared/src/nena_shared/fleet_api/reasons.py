@@ -277,6 +277,7 @@ class ReasonCode(StrEnum):
     UNREADABLE_CONNECTIONS = auto()
     IN_MODE = auto()
     WORKS_ON_ORDER = auto()
+    UNREAD_ACTION = auto()
     WORKS_ON_VDA_ORDER = auto()
     FATAL_ERROR = auto()
     NO_NAVIGATION = auto()

@@ -9,6 +9,7 @@ from math import isnan
 from types import MappingProxyType
 from typing import Final
 
+from nena_shared.fleet_api.topics import suits_all_brokers
 from nena_shared.plant import driver_properties as driver
 from nena_shared.plant import property_keys as keys
 from nena_shared.plant.errors import ObjectKind, PlantProblem
@@ -363,6 +364,12 @@ def _name_warnings(model: PlantModel) -> Iterator[PlantProblem]:
         if len(name) > LONGEST_NAME:
             text = f"the name has {len(name)} characters; requests can name objects of up to {LONGEST_NAME}"
             yield PlantProblem("LONG_NAME", kind, name, text)
+    for vehicle in model.vehicles:
+        said = {"manufacturer": vehicle.manufacturer, "serial number": vehicle.serial_number}
+        odd = [f"{what} {text!r}" for what, text in said.items() if text and not suits_all_brokers([text])]
+        if odd:
+            text = f"{' and '.join(odd)} must be exactly the robot's, and some brokers refuse or change it"
+            yield PlantProblem("SUSPICIOUS_NAME", ObjectKind.VEHICLE, vehicle.name, text)
 
 
 _SHORT_MM: Final = 100

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from datetime import datetime
 from typing import Any, Final, TypeVar
 
@@ -19,6 +19,7 @@ from nena_shared.vda5050.repair import (
     Scope,
     names_in,
     repair,
+    repair_map,
     repairs_of,
     respell,
     version_number,
@@ -35,7 +36,7 @@ _WITHOUT_EFFECT: Final = ("NodeId", "Description", "Descriptor")
 
 
 def read_command(
-    kind: type[H], codec: Codec, payload: bytes, *, now: datetime, robot: RobotKey, only_map: str = ""
+    kind: type[H], codec: Codec, payload: bytes, *, now: datetime, robot: RobotKey, maps: Collection[str] = ()
 ) -> tuple[H, tuple[Repair, ...]]:
     """Read a message of a fleet control, repaired if its meaning is certain; return what was repaired.
 
@@ -45,7 +46,7 @@ def read_command(
         payload: the message.
         now: time of arrival.
         robot: the robot of the topic.
-        only_map: replaces an empty or missing mapId; empty: the robot does not have exactly one map.
+        maps: the robot's maps; the only one replaces a missing mapId, and one in other letters is corrected.
 
     Raises:
         MalformedMessageError: it violates the standard and cannot be repaired; names only what remains.
@@ -53,15 +54,15 @@ def read_command(
     try:
         command = codec.decode(kind, payload)
     except MalformedMessageError:
-        again, repairs = _repaired_command(kind, codec, payload, now=now, robot=robot, only_map=only_map)
+        again, repairs = _repaired_command(kind, codec, payload, now=now, robot=robot, maps=maps)
         if again is None:
             raise
     else:
-        nodes = command.nodes if isinstance(command, Order) and only_map else ()
-        has_maps = all(node.node_position is None or node.node_position.map_id for node in nodes)
+        nodes = command.nodes if isinstance(command, Order) and maps else ()
+        has_maps = all(node.node_position is None or node.node_position.map_id in maps for node in nodes)
         if has_maps and RobotKey(command.manufacturer, command.serial_number) == robot:
             return command, ()
-        again, repairs = _repaired_command(kind, codec, payload, now=now, robot=robot, only_map=only_map)
+        again, repairs = _repaired_command(kind, codec, payload, now=now, robot=robot, maps=maps)
         if again is None:
             return command, ()
     try:
@@ -73,7 +74,7 @@ def read_command(
 
 
 def _repaired_command(
-    kind: type[Header], codec: Codec, payload: bytes, *, now: datetime, robot: RobotKey, only_map: str
+    kind: type[Header], codec: Codec, payload: bytes, *, now: datetime, robot: RobotKey, maps: Collection[str]
 ) -> tuple[bytes | None, Repairs]:
     """Return the message with what could be repaired; None if that is nothing."""
     repairs: Repairs = {}
@@ -92,9 +93,9 @@ def _repaired_command(
                 repairs[name, RepairKind.LETTER_CASE] = quoted(content[name])
                 content[name] = own
         nodes = content.get("nodes")
-        for node in nodes if isinstance(nodes, list) and only_map else ():
+        for node in nodes if isinstance(nodes, list) else ():
             if isinstance(node, dict) and isinstance(node.get("nodePosition"), dict):
-                _complete(node["nodePosition"], "mapId", only_map, repairs, at="nodes.nodePosition.")
+                repair_map(node["nodePosition"], maps, repairs, "nodes.nodePosition")
         _complete_edges(content, repairs)
         repair(form, content, repairs, version=codec.version, now=now, scope=Scope.COMMAND)
     except (ArithmeticError, ValueError, RecursionError):

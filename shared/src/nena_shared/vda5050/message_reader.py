@@ -41,6 +41,7 @@ from nena_shared.vda5050.repair import (
 from nena_shared.vda5050.shape import fields_of
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.units import units_in_doubt
 from nena_shared.vda5050.versions import (
     CODECS,
     codec_for,
@@ -143,9 +144,11 @@ class MessageReader:
         ):
             found += _other_names(message, robot)
         reader = self._readers.get(topic)
-        # at the first message and each window: it takes longer than reading the message
-        if reader is not None and not reader.messages and (key := repeated_key(payload)):
-            found.append(Repair(key, RepairKind.REPEATED_KEY, "twice"))
+        # at the first message and each window: this takes longer than reading the message
+        if reader is not None and not reader.messages:
+            found += units_in_doubt(message)
+            if key := repeated_key(payload):
+                found.append(Repair(key, RepairKind.REPEATED_KEY, "twice"))
         if kind is State and (last := message.last_node_id) not in self._nodes and not self._strict:  # type: ignore[attr-defined] # it is a state
             node = self._node_by_letters.get(last.casefold())
             if node is not None:

@@ -15,7 +15,7 @@ repaired only if the meaning is certain: see :class:`Scope`.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import Enum, StrEnum, auto
@@ -95,6 +95,8 @@ class RepairKind(StrEnum):
     """Completed to major, minor and patch."""
     REPEATED_KEY = "repeated_key"
     """A key that stands twice in one object, with different values: the last one was read."""
+    UNIT_IN_DOUBT = "unit_in_doubt"
+    """Unlikely in the unit of the standard; used as it is."""
     BYTE_ORDER_MARK = "byte_order_mark"
     UNKNOWN_VERSION = "unknown_version"
     """Read as the nearest supported version of the topic's major version."""
@@ -330,6 +332,22 @@ def repair_order_id(content: dict[str, Any], repairs: Repairs) -> bool:
     return not any(isinstance(each, list) and each for each in lists)
 
 
+def meant_map(said: object, maps: Collection[str]) -> str | None:
+    """Return the only map that an empty mapId, or one in other letters, can mean; None: it is as it is."""
+    letters = str(said or "").casefold()
+    alike = [each for each in maps if letters in ("", each.casefold())]
+    return alike[0] if said not in maps and len(alike) == 1 else None
+
+
+def repair_map(position: dict[str, Any], maps: Collection[str], repairs: Repairs, at: str) -> None:
+    """Replace a mapId that can only mean one of these ``maps``; ``at`` is the path of the position."""
+    said = position.get("mapId")
+    if meant := meant_map(said, maps):
+        kind = RepairKind.LETTER_CASE if said else RepairKind.REPLACED
+        repairs[f"{at}.mapId", kind] = quoted(said) if "mapId" in position else "missing"
+        position["mapId"] = meant
+
+
 POSITIONS: Final = frozenset({"agvPosition", "mobileRobotPosition"})
 """The robot's position in 2.x, and in 3.0."""
 
@@ -345,11 +363,7 @@ def repair_position(
         position = content[name]
         if not isinstance(position, dict):
             continue
-        said = position.get("mapId")
-        if only_map and said != only_map and str(said or "").casefold() in ("", only_map.casefold()):
-            kind = RepairKind.LETTER_CASE if said else RepairKind.REPLACED
-            repairs[f"{name}.mapId", kind] = quoted(said) if "mapId" in position else "missing"
-            position["mapId"] = only_map
+        repair_map(position, [only_map] if only_map else [], repairs, name)
         theta = position.get("theta")
         heading: Any = _parse_number(theta) if isinstance(theta, str) else theta
         if type(heading) not in (int, float) or not _is_finite(heading):

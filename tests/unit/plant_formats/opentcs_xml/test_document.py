@@ -157,6 +157,27 @@ def test_missing_attribute_without_a_default_is_an_error(
 
 
 @pytest.mark.parametrize(
+    ("wanted", "written", "meant"),
+    [
+        ("positionX", {"xPosition": "1", "yPosition": "2"}, "xPosition"),
+        ("xPosition", {"positionX": "1", "positionY": "2"}, "positionX"),
+        ("positionX", {"positonY": "2", "positonX": "1"}, "positonX"),
+        ("positionX", {"PositionX": "1"}, "PositionX"),
+        ("positionX", {"position_x": "1"}, "position_x"),
+        ("positionX", {"yPosition": "1"}, None),
+        ("positionX", {"length": "1"}, None),
+    ],
+)
+def test_an_attribute_that_looks_like_a_missing_one_is_named(
+    wanted: str, written: dict[str, str], meant: str | None
+) -> None:
+    obj = element(NEW, **written)
+    obj.integer(wanted)
+    hint = f"; {meant!r} looks like it" if meant else ""
+    assert obj.findings.errors[0].text == f"element 'path' needs attribute {wanted!r}{hint}"
+
+
+@pytest.mark.parametrize(
     ("read", "default"),
     [
         (lambda obj: obj.text("a", "x"), "x"),

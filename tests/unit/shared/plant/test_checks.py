@@ -12,7 +12,9 @@ from nena_shared.plant import (
     PointType,
     Vehicle,
 )
+from nena_shared.plant import property_keys as keys
 from nena_shared.plant.checks import disconnected_points, find_errors, find_property_warnings, find_warnings
+from nena_shared.plant.errors import ObjectKind
 from nena_shared.plant.track import VehicleTypeAtPoint
 from support.plants import grid_plant, path, plant, point
 
@@ -74,6 +76,17 @@ def test_every_dangling_reference_is_named() -> None:
 def test_suspicious_names_are_reported_unchanged(name: str) -> None:
     model = good(blocks=(Block(name=name),))
     assert codes(model) == [("SUSPICIOUS_NAME", name)]
+
+
+@pytest.mark.parametrize("key", [keys.VDA5050_MANUFACTURER, keys.VDA5050_SERIAL_NUMBER])
+@pytest.mark.parametrize(
+    ("name", "odd"), [("r1 ", True), (" r1", True), ("r 1", True), ("r.1", True), ("r1", False)]
+)
+def test_a_name_in_topics_that_some_brokers_refuse_is_a_warning(key: str, name: str, *, odd: bool) -> None:
+    vehicle = Vehicle(name="V", properties={key: name})
+    found = [each for each in find_warnings(good(vehicles=(vehicle,))) if each.kind is ObjectKind.VEHICLE]
+    assert [(each.code, each.name) for each in found] == [("SUSPICIOUS_NAME", "V")] * odd
+    assert all(repr(name) in each.text for each in found)
 
 
 @pytest.mark.parametrize(

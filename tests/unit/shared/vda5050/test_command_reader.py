@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
 from copy import deepcopy
 from datetime import UTC, datetime
 from math import nan, pi
@@ -26,10 +27,10 @@ BEEP = {"actionType": "beep", "actionId": "b", "blockingType": "NONE", "actionPa
 
 
 def read(
-    content: dict[str, Any], kind: type[H], version: str = "2.1.0", only_map: str = "m"
+    content: dict[str, Any], kind: type[H], version: str = "2.1.0", maps: Collection[str] = ("m",)
 ) -> tuple[H, list[str]]:
     payload, codec = json.dumps(content).encode(), codec_for(version)
-    message, repairs = read_command(kind, codec, payload, now=ARRIVAL, robot=ROBOT, only_map=only_map)
+    message, repairs = read_command(kind, codec, payload, now=ARRIVAL, robot=ROBOT, maps=maps)
     return message, [str(repair) for repair in repairs]
 
 
@@ -113,6 +114,10 @@ CERTAIN: dict[str, tuple[dict[str, Any], list[str]]] = {
     ),
     "mapId empty": ({"nodes.1.nodePosition.mapId": ""}, ['nodes.nodePosition.mapId "": replaced']),
     "mapId null": ({"nodes.1.nodePosition.mapId": None}, ["nodes.nodePosition.mapId null: replaced"]),
+    "mapId in capitals": (
+        {"nodes.1.nodePosition.mapId": "M"},
+        ['nodes.nodePosition.mapId "M": letter case'],
+    ),
     "one node, no edges": ({"nodes.1": MISSING, "edges": MISSING}, ["edges missing: empty list"]),
     "an edge without its nodes": (
         {"edges.0.startNodeId": MISSING, "edges.0.endNodeId": ""},
@@ -253,7 +258,27 @@ def test_what_has_no_certain_meaning_is_refused_by_its_name_alone(
 
 def test_a_missing_map_is_refused_by_a_robot_with_several(order: dict[str, Any]) -> None:
     with pytest.raises(MalformedMessageError, match=r"nodes\.0\.nodePosition\.mapId: is missing"):
-        read(changed(order, {"nodes.0.nodePosition.mapId": MISSING}), Order, only_map="")
+        read(changed(order, {"nodes.0.nodePosition.mapId": MISSING}), Order, maps=("m", "n"))
+
+
+@pytest.mark.parametrize(
+    ("maps", "said", "meant"),
+    [
+        (("hall", "yard"), "Hall", "hall"),
+        (("hall", "HALL"), "Hall", "Hall"),
+        (("hall", "Hall"), "Hall", "Hall"),
+        (("hall", "yard"), "attic", "attic"),
+        ((), "Hall", "Hall"),
+    ],
+)
+def test_a_map_is_read_in_any_letter_case_if_only_one_is_meant(
+    order: dict[str, Any], maps: Collection[str], said: str, meant: str
+) -> None:
+    message, repairs = read(changed(order, {"nodes.0.nodePosition.mapId": said}), Order, maps=maps)
+
+    assert message.nodes[0].node_position
+    assert message.nodes[0].node_position.map_id == meant
+    assert (f'nodes.nodePosition.mapId "{said}": letter case' in repairs) == (said != meant)
 
 
 def test_the_name_of_another_robot_is_left_as_it_is(order: dict[str, Any]) -> None:

@@ -26,6 +26,7 @@ from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.units import units_in_doubt
 
 MAX_REPORTED: Final = 5
 """Maximum number of findings of one rule about one message."""
@@ -322,6 +323,8 @@ class RobotConversation:
         self._requests: BoundedDict[str, None] = BoundedDict()
         self._state: State | None = None
         self._reported_unsupported = False
+        self._units: set[str] = set()
+        """Fields whose unit is in doubt, each reported once."""
         self._cleared: str | None = None
         """Order at the last state in a mode that clears orders; later states may still show parts of it."""
 
@@ -333,6 +336,10 @@ class RobotConversation:
         yield from message_problems(received)
         if received.message is None:
             return
+        for doubt in units_in_doubt(received.message):
+            if doubt.field not in self._units:
+                self._units.add(doubt.field)
+                yield Rule.MESSAGE, Severity.WARNING, str(doubt)
         yield from self._headers.check(received, received.message)
         if received.retained and received.sender is Sender.FLEET:
             text = f"the broker keeps a message of {received.topic}, which robots get at each connect"

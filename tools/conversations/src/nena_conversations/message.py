@@ -128,12 +128,13 @@ def parse(entry: Entry, number: int) -> ReceivedMessage | None:
 def _deviations(entry: Entry, topic: Topic, major: str, codec: Codec) -> tuple[str, ...]:
     """Return the deviations that the services repair on reading, in their words."""
     found: list[Repair] = []
+    robot = RobotKey(*entry.topic.split("/")[-3:-1])
     try:
         if SENDERS[topic] is Sender.ROBOT:
             reader = MessageReader(lambda _, repairs: found.extend(repairs))
-            reader.read(KINDS[topic], entry.topic, entry.payload, major)
+            reader.read(KINDS[topic], entry.topic, entry.payload, major, robot)
         else:
-            robot, of_topic = RobotKey(*entry.topic.split("/")[-3:-1]), reader_for(codec.version, major)
+            of_topic = reader_for(codec.version, major)
             found += read_command(KINDS[topic], of_topic, entry.payload, now=entry.time, robot=robot)[1]
     except MalformedMessageError as error:
         return error.problems

@@ -9,6 +9,7 @@ from nena_order_service.fleet import failures
 from nena_order_service.fleet.robot import LinkStatus, is_idle
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.vehicle import VehicleState
+from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.state import EmergencyStop, State
 
@@ -63,13 +64,23 @@ def why_away(
     return LINK_REASONS.get(link)
 
 
-def why_occupied(state: State, instant_ids: Collection[str]) -> Reason | None:
+def why_occupied(
+    state: State, instant_ids: Collection[str], substituted: Collection[Repair]
+) -> Reason | None:
     """Return, as a predicate, why a reachable robot is not free for a new order (section 6.6.8), or None."""
     if not state.operating_mode.takes_orders:
         return Reason(R.IN_MODE, mode=state.operating_mode)
     if not is_idle(state, instant_ids):
-        return Reason(R.WORKS_ON_ORDER, order=state.order_id)
+        return why_unread_action(state, substituted) or Reason(R.WORKS_ON_ORDER, order=state.order_id)
     return None
+
+
+def why_unread_action(state: State, substituted: Collection[Repair]) -> Reason | None:
+    """Return, as a predicate, that an action with an unreadable status keeps an order open; or None."""
+    read = next((each for each in substituted if each.field == "actionStates.actionStatus"), None)
+    if read is None or state.node_states or state.edge_states:
+        return None
+    return Reason(R.UNREAD_ACTION, field=read.field, received=read.received, allowed=", ".join(ActionStatus))
 
 
 def why_unfit(state: State, *, placed: bool) -> Reason | None:

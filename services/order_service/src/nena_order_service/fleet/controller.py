@@ -419,7 +419,7 @@ class RobotControl:
             return Reason(R.IS_LEAVING)
         if self._instant_actions.awaits_factsheet(now):
             return Reason(R.NO_FACTSHEET)
-        occupied = availability.why_occupied(state, self._instant_actions.ids)
+        occupied = availability.why_occupied(state, self._instant_actions.ids, self.robot.substituted)
         return occupied or availability.why_unfit(state, placed=self.robot.placed)
 
     def _why_away(self, link: LinkStatus) -> Reason | None:
@@ -443,8 +443,13 @@ class RobotControl:
         if run.phase is VdaOrderPhase.CANCELLING:
             stopped = availability.why_not_driving(state) if state else None
             return Reason(R.ROBOT, self._explained(away or stopped or Reason(R.END_UNCONFIRMED)))
-        stopped = availability.why_not_driving(state) or run.why_unfinished_at_end(state) if state else None
-        reason = away or stopped
+        reason = away
+        if state and not reason:
+            reason = (
+                availability.why_not_driving(state)
+                or run.why_unfinished_at_end(state)
+                or availability.why_unread_action(state, self.robot.substituted)
+            )
         return Reason(R.ROBOT, self._explained(reason)) if reason else run.refused_update
 
     def _explained(self, reason: Reason) -> Reason:

@@ -5,6 +5,7 @@ from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from enum import IntEnum, StrEnum
 from math import isfinite, isnan
 from types import MappingProxyType
@@ -400,7 +401,12 @@ class XmlObject:
         return self._element.get(attribute)
 
     def _report_missing(self, attribute: str) -> None:
-        self.error("MISSING_ATTRIBUTE", f"element {self._element.tag!r} needs attribute {attribute!r}")
+        others = [each for each in self._element.keys() if each not in self._read]  # noqa: SIM118 - no mapping
+        # formats before 6.0.0 have xPosition for positionX
+        similar = [each for each in others if sorted(letters_of(each)) == sorted(letters_of(attribute))]
+        similar += get_close_matches(attribute, others, n=1, cutoff=0.9)
+        hint = f"; {similar[0]!r} looks like it" if similar else ""
+        self.error("MISSING_ATTRIBUTE", f"element {self._element.tag!r} needs attribute {attribute!r}{hint}")
 
     def _report_bad(self, attribute: str, wanted: str, fallback: T) -> T:
         written = self._element.get(attribute)
