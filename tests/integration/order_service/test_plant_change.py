@@ -8,6 +8,7 @@ from typing import Any
 
 import httpx
 import pytest
+from structlog.testing import capture_logs
 
 from nena_demo.plants import sample_plant_path
 from nena_plant_formats.files import read
@@ -95,8 +96,11 @@ async def test_robots_accept_the_orders_after_a_change(fleet: Fleet, service: St
 async def test_kept_over_a_restart_until_the_file_changes(fleet: Fleet) -> None:
     async with running(fleet.settings()) as client:
         assert (await put(client, write(with_hall()).data)).json()["name"] == "Hall 2"
-    async with running(fleet.settings()) as client:
-        assert (await client.get(PLANT)).json()["name"] == "Hall 2"
+    with capture_logs() as logs:
+        async with running(fleet.settings()) as client:
+            assert (await client.get(PLANT)).json()["name"] == "Hall 2"
+    used = [each for each in logs if each["event"] == "using the model activated last, not the file"]
+    assert [each["name"] for each in used] == ["Hall 2"]
     file = fleet.folder / "plant.json"
     file.write_text(SAMPLE.model_copy(update={"name": "Hall 3"}).to_json())
     async with running(fleet.settings(plant=file)) as client:

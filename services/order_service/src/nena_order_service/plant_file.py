@@ -58,7 +58,7 @@ def load_plant(path: Path) -> PlantFile:
     for warning in report.warnings:
         log.warning("plant model", file=str(path), finding=str(warning))
     model = report.model
-    log.info("plant model read", name=model.name, points=len(model.points), vehicles=len(model.vehicles))
+    log.info("plant model file read", name=model.name, points=len(model.points), vehicles=len(model.vehicles))
     return PlantFile(model, sha256(data).hexdigest())
 
 

@@ -210,9 +210,10 @@ class ServiceRunner:
             log.exception("the plant model in the store is unreadable; using the file")
             return self._file.model
         if stored.file != self._file.digest:
-            log.warning("the plant model file has changed: using it and discarding the uploaded model")
+            log.warning("the plant model file has changed: using it, not the model activated last")
             await self._commit_after_all(Changes(documents={(PLANT_MODEL, ""): None}))
             return self._file.model
+        log.info("using the model activated last, not the file", name=model.name, points=len(model.points))
         return model
 
     def _start_task(self, name: str, work: Any, *, vital: bool = True) -> asyncio.Task[None]:  # noqa: ANN401 - a coroutine
