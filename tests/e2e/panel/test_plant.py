@@ -609,6 +609,12 @@ async def test_blocks_and_robots_are_made_changed_and_removed(
         await robots.get_by_label("Length in m").press("Enter")
         vehicle = next(each for each in (await drawn(page))["vehicles"] if each["name"] == "Robot-01")
         assert vehicle["boundingBox"]["lengthMm"] == 1250
+        await robots.get_by_role("button", name="Add another robot").click()
+        for label, value in (("Manufacturer", "ACME"), ("Serial number", "amr-7")):
+            await robots.get_by_label(label).fill(value)
+            await robots.get_by_label(label).press("Enter")
+        properties = (await drawn(page))["vehicles"][-1]["properties"]
+        assert properties == {"vda5050:manufacturer": "ACME", "vda5050:serialNumber": "amr-7"}
         await expect(page.locator(SAVED)).to_be_visible()
 
 

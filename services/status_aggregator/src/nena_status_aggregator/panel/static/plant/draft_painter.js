@@ -1,5 +1,6 @@
 // Paints a draft of a plant: many paths and points in few strokes, and only what is in sight.
 
+import { number, t } from "../i18n.js";
 import { paintGrids } from "../map/grids.js";
 import { Labels } from "../map/labels.js";
 import { middle, trace } from "../map/lines.js";
@@ -233,7 +234,9 @@ function paintFindings(context, view, scene, lines, findings, colours) {
 
 function paintNames(context, view, things, blocks, colours) {
   const labels = new Labels(context, view.width);
-  for (const { name, x, y } of things.slice(0, NAMES)) labels.put(name, view.toScreen(x, y), 16);
+  const named = things.slice(0, NAMES).map(({ name, x, y }) => [name, view.toScreen(x, y)]);
+  const avoid = named.map(([, [x, y]]) => [x - HALF, y - HALF, x + HALF, y + HALF]);
+  for (const [name, at] of named) labels.put(name, at, 16, { avoid });
   for (const { name, corners, lines } of blocks) {
     const places = [...corners, ...lines.flatMap(({ from, to }) => [from, to])];
     const mean = (axis) => places.reduce((sum, place) => sum + place[axis], 0) / places.length;
@@ -285,7 +288,7 @@ function paintGesture(context, view, { drag, box, ruler, row = [], bent, colours
   context.strokeStyle = colours.accent;
   context.lineWidth = 2;
   context.setLineDash([6, 4]);
-  if (bent) paintHandles(context, onScreen(view, bent), bent.curved, colours);
+  if (bent) paintHandles(context, view, bent, colours);
   for (const pair of [drag, ruler]) {
     if (!pair) continue;
     context.beginPath();
@@ -305,10 +308,11 @@ function paintGesture(context, view, { drag, box, ruler, row = [], bent, colours
   context.setLineDash([]);
 }
 
-// Of a curve, each control point hangs at its end.
-function paintHandles(context, line, curved, colours) {
+// Of a curve, each control point hangs at its end. Its numbers are beside it.
+function paintHandles(context, view, bent, colours) {
+  const line = onScreen(view, bent);
   context.lineWidth = 1;
-  for (const [a, b] of curved ? [line.slice(0, 2), line.slice(-2)] : []) {
+  for (const [a, b] of bent.curved ? [line.slice(0, 2), line.slice(-2)] : []) {
     context.beginPath();
     context.moveTo(...a);
     context.lineTo(...b);
@@ -321,5 +325,8 @@ function paintHandles(context, line, curved, colours) {
     context.fillRect(x - 5, y - 5, 10, 10);
     context.strokeRect(x - 5, y - 5, 10, 10);
   }
+  const labels = new Labels(context, view.width);
+  for (const [x, y] of bent.corners) labels.put(t("map.position", { x: number(x, 2), y: number(y, 2) }), view.toScreen(x, y), 16, { important: true });
+  labels.paint(colours);
   context.setLineDash([6, 4]);
 }

@@ -34,6 +34,7 @@ class Listing {
   /** Open the form of an object. */
   open(name) {
     this.#open = name;
+    this.#shown = null;
     this.show(this.model);
   }
 
@@ -98,7 +99,15 @@ export class Vehicles extends Listing {
     super.show(model);
     const serials = new Set((model.vehicles ?? []).map(({ name, properties }) => properties?.["vda5050:serialNumber"] ?? name));
     const unknown = this.known().filter((id) => !serials.has(id.slice(id.indexOf("/") + 1)));
-    renew(this.more, unknown.slice(0, UNKNOWN).map((id) => button(t("plant.addVehicle", { name: id }), () => this.#take(id))));
+    const make = button(t("plant.newVehicle"), () => this.#make());
+    renew(this.more, [...unknown.slice(0, UNKNOWN).map((id) => button(t("plant.addVehicle", { name: id }), () => this.#take(id))), make]);
+  }
+
+  // One that has not reported itself yet.
+  #make() {
+    const name = freshName(this.model, t("plant.vehiclePrefix"));
+    this.edit(add(this.model, "vehicles", { name }));
+    this.open(name);
   }
 
   #take(id) {
@@ -110,5 +119,6 @@ export class Vehicles extends Listing {
 function vehicleFields(form) {
   const size = (key, name) => form.amount(key, name, { factor: MM, least: 0.001, initial: MM, part: "boundingBox" });
   const speed = form.amount("plant.speed", "maxVelocityMmS", { factor: MM, initial: MM });
-  return [element("div", { class: "fields" }, size("plant.length", "lengthMm"), size("plant.width", "widthMm"), speed), form.properties()];
+  const key = [form.property("plant.manufacturer", "vda5050:manufacturer"), form.property("plant.serial", "vda5050:serialNumber")];
+  return [element("div", { class: "fields" }, ...key, size("plant.length", "lengthMm"), size("plant.width", "widthMm"), speed), form.properties()];
 }

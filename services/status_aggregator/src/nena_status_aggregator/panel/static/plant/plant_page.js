@@ -160,6 +160,7 @@ class PlantPage extends HTMLElement {
     saver.addEventListener("findings", () => this.#showFindings());
     saver.addEventListener("editors", () => this.#showEditors());
     saver.addEventListener("theirs", ({ detail }) => this.history.push(detail) && this.#refresh());
+    this.#showState();
     this.#showFindings();
     this.#refresh([]);
     this.#showRobots();

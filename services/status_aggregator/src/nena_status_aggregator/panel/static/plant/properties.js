@@ -65,6 +65,12 @@ export class Form {
     return changed(t(key), input, () => this.apply(fields(input.checked)));
   }
 
+  property(key, name) {
+    const { [name]: value = "", ...others } = this.single.properties ?? {};
+    const input = element("input", { type: "text", value, translate: "no" });
+    return changed(t(key), input, () => this.apply({ properties: input.value.trim() ? { ...others, [name]: input.value.trim() } : others }));
+  }
+
   properties() {
     const lines = Object.entries(this.single.properties ?? {}).map(([key, value]) => `${key}=${value}`);
     const input = element("textarea", { rows: Math.max(2, lines.length), translate: "no", spellcheck: "false" });
