@@ -1002,7 +1002,7 @@ export const TEXTS = {
   "plant.hereRobot": "Roboter, dessen Pose übernommen wird",
   "plant.here": "Hier",
   "plant.canvas": "Entwurf mit {points} Punkten und {paths} Pfaden",
-  "plant.keys": "Tasten: Tab geht durch die Objekte, Leertaste hält eines ausgewählt, Pfeile verschieben (mit Umschalt: zehn Schritte), p legt einen Punkt an, b macht einen Block, c verbindet in einer Richtung, Umschalt+C in beiden, w wechselt die Richtung von Pfaden, j vereinigt, Entf, Strg+Z, Strg+Y, Strg+A, + − 0 Zoom. Zweimal Escape, dann Tab: verlässt die Zeichnung. Maus: Umschalt und Ziehen wählt eine Fläche; ein ins Freie gezogener Pfad bekommt einen neuen Punkt.",
+  "plant.keys": "Tasten: Tab geht durch die Objekte, Leertaste hält eines ausgewählt, Pfeile verschieben (mit Umschalt: zehn Schritte), p legt einen Punkt an (auf einem gewählten Pfad: in ihm), l eine Station, b macht einen Block, c verbindet in einer Richtung, Umschalt+C in beiden, w wechselt die Richtung von Pfaden, j vereinigt, Entf, Strg+Z, Strg+Y, Strg+A, + − 0 Zoom. Zweimal Escape, dann Tab: verlässt die Zeichnung. Maus: Umschalt und Ziehen wählt eine Fläche; ein ins Freie gezogener Pfad bekommt einen neuen Punkt.",
   "plant.several": "{count} Objekte ausgewählt",
   "plant.measured": "{length} m, {angle}°",
   "plant.rowOf": "{count} Stationen, {length} m",

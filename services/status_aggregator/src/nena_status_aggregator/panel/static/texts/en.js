@@ -1002,7 +1002,7 @@ export const TEXTS = {
   "plant.hereRobot": "Robot whose pose is taken",
   "plant.here": "Here",
   "plant.canvas": "Draft with {points} points and {paths} paths",
-  "plant.keys": "Keys: Tab goes through the objects, Space keeps one selected, arrows move (with Shift: ten steps), p adds a point, b makes a block, c connects one way, Shift+C both ways, w changes the direction of paths, j joins, Delete, Ctrl+Z, Ctrl+Y, Ctrl+A, + − 0 zoom. Escape twice, then Tab: leaves the drawing. Mouse: Shift and drag selects an area; a path that is dragged into the open gets a new point.",
+  "plant.keys": "Keys: Tab goes through the objects, Space keeps one selected, arrows move (with Shift: ten steps), p adds a point (on a selected path: in it), l a location, b makes a block, c connects one way, Shift+C both ways, w changes the direction of paths, j joins, Delete, Ctrl+Z, Ctrl+Y, Ctrl+A, + − 0 zoom. Escape twice, then Tab: leaves the drawing. Mouse: Shift and drag selects an area; a path that is dragged into the open gets a new point.",
   "plant.several": "{count} objects selected",
   "plant.measured": "{length} m, {angle}°",
   "plant.rowOf": "{count} stations, {length} m",

@@ -1002,7 +1002,7 @@ export const TEXTS = {
   "plant.hereRobot": "Robot waarvan de pose wordt overgenomen",
   "plant.here": "Hier",
   "plant.canvas": "Ontwerp met {points} punten en {paths} paden",
-  "plant.keys": "Toetsen: Tab gaat langs de objecten, spatie houdt er een geselecteerd, pijlen verplaatsen (met Shift: tien stappen), p maakt een punt, b maakt een blok, c verbindt in één richting, Shift+C in beide, w wisselt de richting van paden, j voegt samen, Delete, Ctrl+Z, Ctrl+Y, Ctrl+A, + − 0 zoom. Twee keer Escape, dan Tab: verlaat de tekening. Muis: Shift en slepen selecteert een gebied; een pad dat in het vrije wordt gesleept, krijgt een nieuw punt.",
+  "plant.keys": "Toetsen: Tab gaat langs de objecten, spatie houdt er een geselecteerd, pijlen verplaatsen (met Shift: tien stappen), p maakt een punt (op een geselecteerd pad: daarin), l een locatie, b maakt een blok, c verbindt in één richting, Shift+C in beide, w wisselt de richting van paden, j voegt samen, Delete, Ctrl+Z, Ctrl+Y, Ctrl+A, + − 0 zoom. Twee keer Escape, dan Tab: verlaat de tekening. Muis: Shift en slepen selecteert een gebied; een pad dat in het vrije wordt gesleept, krijgt een nieuw punt.",
   "plant.several": "{count} objecten geselecteerd",
   "plant.measured": "{length} m, {angle}°",
   "plant.rowOf": "{count} locaties, {length} m",
