@@ -153,13 +153,13 @@ export class Trials extends EventTarget {
   }
 
   #showFigures({ figures, activeFigures, texts }) {
-    const heads = ["plant.fleet", "plant.perHour", "plant.waits", "plant.lead", "plant.heat"].map((key) => element("th", { scope: "col" }, t(key)));
+    const heads = ["plant.fleet", "plant.perHour", "plant.waits", "plant.lead"].map((key) => element("th", { scope: "col" }, t(key)));
     const rows = figures.map((figure, at) => {
       const active = activeFigures[at];
-      const beside = (show) => [figure, active].map((each) => (each ? show(each) : "–")).join(" | ");
-      const heat = button(t("plant.showHeat"), () => this.#showHeat(figure, heat), { "aria-pressed": "false", "aria-label": t("plant.showHeatOf", { robots: number(figure.robots) }) });
-      const cells = [number(figure.robots), beside((each) => number(each.ordersPerHour, 0)), beside((each) => `${number(100 * (each.doing.waits ?? 0), 0)} %`), beside((each) => (each.leadP50 === null ? "–" : duration(each.leadP50))), heat];
-      return element("tr", {}, ...cells.map((cell) => element("td", {}, cell)));
+      const beside = (show) => [figure, active].flatMap((each) => [each ? show(each) : "–", element("br")]);
+      const heat = button(number(figure.robots), () => this.#showHeat(figure, heat), { "aria-pressed": "false", "aria-label": t("plant.showHeatOf", { robots: number(figure.robots) }) });
+      const cells = [[heat], beside((each) => number(each.ordersPerHour, 0)), beside((each) => `${number(100 * (each.doing.waits ?? 0), 0)} %`), beside((each) => (each.leadP50 === null ? "–" : duration(each.leadP50)))];
+      return element("tr", {}, ...cells.map((cell) => element("td", {}, ...cell)));
     });
     const table = element("table", {}, element("caption", {}, t("plant.beside")), element("thead", {}, element("tr", {}, ...heads)), element("tbody", {}, ...rows));
     const notes = new Set([...texts, ...figures.flatMap((each) => each.notes)]);
