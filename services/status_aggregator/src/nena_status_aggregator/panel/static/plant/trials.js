@@ -15,6 +15,7 @@ export class Trials extends EventTarget {
   findings = [];
   map = null; // {grid, image}, as the robots' maps
   #checked = null; // what the clearance was checked for
+  #due = false; // whether the draft has changed since
   #waiting = 0; // programs that have not ended
   #last = Promise.resolve();
 
@@ -35,8 +36,14 @@ export class Trials extends EventTarget {
   }
 
   /** Check the clearance of a changed draft, if it was checked before. */
-  async recheck() {
-    if (this.#checked && !this.#waiting) await this.#check(this.#checked).catch(() => null);
+  recheck() {
+    this.#due = this.#checked !== null;
+    this.#settle();
+  }
+
+  // What changed while a program ran is checked after it.
+  #settle() {
+    if (this.#due && !this.#waiting) this.#check(this.#checked).catch(() => null);
   }
 
   // One after the other, as the order service runs them.
@@ -44,11 +51,15 @@ export class Trials extends EventTarget {
     this.#waiting += 1;
     const start = async () => {
       await this.page.flush();
+      if (request.program === "CHECK") this.#due = false;
       await command(["plantDrafts", this.page.name, "run"], request);
       return this.#follow();
     };
     const done = this.#last.then(start);
-    this.#last = done.catch(() => null).then(() => (this.#waiting -= 1));
+    this.#last = done.catch(() => null).then(() => {
+      this.#waiting -= 1;
+      this.#settle();
+    });
     return done;
   }
 
