@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -176,6 +177,9 @@ class ServiceRunner:
         previous: Mapping[str, Extension] = MappingProxyType({}),
     ) -> None:
         await service.begin(self._start_task, previous)
+        gc.unfreeze()
+        gc.collect()  # an earlier plant model
+        gc.freeze()  # the new one, which each full collection would search
 
         async def request_restart() -> None:
             await service.engine.unit_of_work.failed.wait()

@@ -11,6 +11,7 @@ import re
 from dataclasses import dataclass, field
 from datetime import datetime
 from enum import StrEnum, auto
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -421,7 +422,7 @@ _NOTED: Final = {_TABLE[code]: code for code in ReasonCode if "{" not in _TABLE[
 """Reasons without values by their texts: a host may use them as words of its own."""
 
 
-@dataclass(frozen=True, slots=True, init=False)
+@dataclass(frozen=True, init=False)
 class Reason:
     """A reason; two are equal if their codes, values and causes are. ``str`` returns the English text."""
 
@@ -464,7 +465,7 @@ class Reason:
             and all(map(Reason.is_sent_as, self.causes, coded.causes))
         )
 
-    @property
+    @cached_property
     def coded(self) -> CodedReason:
         """The reason as it is sent."""
         return CodedReason(
@@ -472,6 +473,10 @@ class Reason:
         )
 
     def __str__(self) -> str:
+        return self._text
+
+    @cached_property
+    def _text(self) -> str:
         between = _JOINED.get(self.code, "; ")
         first, *rest = map(str, self.causes) if self.causes else [""]
         words = {"causes": between.join([first, *rest]), "first": first, "rest": between.join(rest)}

@@ -29,7 +29,6 @@ from nena_plant_formats.lif import LifVersion
 from nena_shared.fleet_api.operations.plant import CHANGE_PLANT
 from nena_shared.plant import PlantModel, PlantModelError, PlantProblem, Vehicle
 from nena_shared.plant import property_keys as keys
-from nena_shared.plant.advice import find_advice
 from nena_shared.plant.fleet_checks import find_fleet_errors
 from nena_shared.plant.track import MM_PER_M, BoundingBox
 
@@ -257,8 +256,7 @@ def check(
             read = replace_fields(read, findings=(*_findings(found, are_errors=False), *read.findings))
     if read.model is not None:
         errors = _findings(find_fleet_errors(read.model), are_errors=True)
-        advice = _findings(find_advice(read.model), are_errors=False)
-        read = replace_fields(read, findings=(*errors, *read.findings, *advice))
+        read = replace_fields(read, findings=(*errors, *read.findings))
     if as_json:
         sys.stdout.write(findings_json(read, read.findings) + "\n")
     else:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
 
@@ -61,7 +61,7 @@ class PendingChanges:
     def take(self) -> PendingChanges:
         """Return the changes so far, and reset them."""
         # Reset in place, because orders, sequences and others hold this object.
-        taken = replace(self)
+        taken = PendingChanges(*map(self.__getattribute__, self.__slots__))
         PendingChanges.__init__(self)
         return taken
 
