@@ -722,6 +722,16 @@ async def test_a_drag_makes_a_row_of_stations_and_keys_join_and_turn(
         await page.locator(CANVAS).press("w")
         assert len(await ways()) == len(before)
         assert await ways() != before
+        # by keys: a point in the middle of the path, and a location beside it
+        count = len((await drawn(page))["locations"])
+        await page.locator(CANVAS).press("p")
+        await page.locator(CANVAS).press("l")
+        [added] = (await drawn(page))["locations"][count:]
+        assert (added["xMm"] / 1000, added["yMm"]) == (left + 2, 3000)
+        assert added["links"] == [{"point": (await drawn(page))["points"][-1]["name"]}]
+        await page.locator(CANVAS).press("Control+z")
+        await page.locator(CANVAS).press("Control+z")
+        await page.mouse.click(*await at(page, left + 1.5, 2))
         # beside the selected path by its form
         await page.get_by_label("How many").fill("2")
         await page.get_by_label("m to the left").fill("-1")

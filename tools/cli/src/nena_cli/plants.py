@@ -29,6 +29,7 @@ from nena_plant_formats.lif import LifVersion
 from nena_shared.fleet_api.operations.plant import CHANGE_PLANT
 from nena_shared.plant import PlantModel, PlantModelError, PlantProblem, Vehicle
 from nena_shared.plant import property_keys as keys
+from nena_shared.plant.advice import find_advice
 from nena_shared.plant.fleet_checks import find_fleet_errors
 from nena_shared.plant.track import MM_PER_M, BoundingBox
 
@@ -256,7 +257,8 @@ def check(
             read = replace_fields(read, findings=(*_findings(found, are_errors=False), *read.findings))
     if read.model is not None:
         errors = _findings(find_fleet_errors(read.model), are_errors=True)
-        read = replace_fields(read, findings=(*errors, *read.findings))
+        advice = _findings(find_advice(read.model), are_errors=False)
+        read = replace_fields(read, findings=(*errors, *read.findings, *advice))
     if as_json:
         sys.stdout.write(findings_json(read, read.findings) + "\n")
     else:

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from nena_shared.fleet_api.plant_drafts import DifferenceKind, PlantDifference, PlantDifferences, PlantFinding
 from nena_shared.plant import ObjectKind, PlantModel, PlantProblem
+from nena_shared.plant.advice import find_advice
 from nena_shared.plant.checks import find_errors, find_warnings
 from nena_shared.plant.fleet_checks import find_fleet_errors
 from nena_shared.plant.track import MM_PER_M
@@ -69,7 +70,7 @@ def find_findings(model: PlantModel) -> tuple[PlantFinding, ...]:
     """Return all that ``nena plant check`` says, errors first."""
     errors = find_errors(model)
     # warnings look up what a name refers to
-    warnings = () if errors else find_warnings(model)
+    warnings = () if errors else (*find_warnings(model), *find_advice(model))
     return (*to_findings((*errors, *find_fleet_errors(model)), are_errors=True), *to_findings(warnings))
 
 

@@ -2,6 +2,7 @@
 
 import { element, setAttribute, setText } from "../dom.js";
 import { number, t } from "../i18n.js";
+import { middle } from "../map/lines.js";
 import { readColours } from "../map/painter.js";
 import { extent } from "../map/plan_painter.js";
 import { Viewport } from "../map/viewport.js";
@@ -9,7 +10,7 @@ import { devices, join, placesAlong, stationRow, turn, withDoor } from "./buildi
 import { bend } from "./curves.js";
 import { DraftPainter } from "./draft_painter.js";
 import { add, apart, connect, find, freshName, move, remove, snapped, split } from "./model.js";
-import { hit, inside, makeScene, parted, partedLine } from "./scene.js";
+import { hit, inside, makeScene, parted, partedLine, placesOf } from "./scene.js";
 
 const MM = 1000;
 const CLICK = 4; // px
@@ -89,6 +90,8 @@ class DraftCanvas extends HTMLElement {
     this.selection = names;
     const found = names.length && find(this.model, names.at(-1));
     setText(this.told, found ? this.#describe(found, names.length) : "");
+    const [a, b] = names.map((name) => this.#scene.points.get(name) ?? this.#scene.locations.get(name));
+    if (names.length === 2 && a && b) this.#readLength([a.x, a.y], [b.x, b.y]);
     this.dispatchEvent(new CustomEvent("selected", { detail: names }));
     this.draw();
   }
@@ -123,11 +126,22 @@ class DraftCanvas extends HTMLElement {
     this.canvas.focus({ preventScroll: true });
   }
 
-  /** Add a point beside the selected one, or in the middle of the view. */
+  /** Add a point in the middle of the selected path, beside the selected point, or in the middle of the view. */
   addPoint() {
+    const line = this.#scene.lines.find(({ names }) => names.includes(this.selection.at(-1)));
+    if (!line) return this.#addPointAt(this.#beside([Math.max(BESIDE, this.grid), 0]));
+    this.#addPointAt(middle(placesOf(line), line.curved).slice(0, 2), line.names);
+  }
+
+  /** Add a location beside the selected point, which serves it, or in the middle of the view. */
+  addLocation() {
+    const point = this.#scene.points.get(this.selection.at(-1))?.name;
+    this.#addLocationAt(this.#beside([0, Math.max(BESIDE, this.grid)]), point);
+  }
+
+  #beside([dx, dy]) {
     const from = this.#scene.points.get(this.selection.at(-1));
-    const [x, y] = from ? [from.x + Math.max(BESIDE, this.grid), from.y] : this.view.toPlane(this.view.width / 2, this.view.height / 2);
-    this.#addPointAt([x, y]);
+    return from ? [from.x + dx, from.y + dy] : this.view.toPlane(this.view.width / 2, this.view.height / 2);
   }
 
   /** Connect the selected objects in the order in which they were selected. */
@@ -204,11 +218,12 @@ class DraftCanvas extends HTMLElement {
     this.#edit(made, [point.name]);
   }
 
-  #addLocationAt(place) {
+  #addLocationAt(place, point = null) {
     const [xMm, yMm] = this.#snap(place);
     const { model, type, prefix } = this.stationType(this.model);
     const name = freshName(model, prefix);
-    this.#edit(add(model, "locations", { name, type, xMm, yMm }), [name]);
+    const made = add(model, "locations", { name, type, xMm, yMm });
+    this.#edit(point ? connect(made, name, point, false) : made, [name]);
   }
 
   #down(event) {
@@ -351,7 +366,7 @@ class DraftCanvas extends HTMLElement {
 
   #key(event) {
     const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-    const commands = { Delete: () => this.remove(), Backspace: () => this.remove(), Escape: () => this.#escape(), " ": () => (this.#kept = this.selection), p: () => this.addPoint(), b: () => this.dispatchEvent(new Event("block")), c: () => this.connect(false), C: () => this.connect(true), j: () => this.join(), w: () => this.turn(), 0: () => this.fit(), "+": () => this.#zoom(ZOOM), "=": () => this.#zoom(ZOOM), "-": () => this.#zoom(1 / ZOOM) };
+    const commands = { Delete: () => this.remove(), Backspace: () => this.remove(), Escape: () => this.#escape(), " ": () => (this.#kept = this.selection), p: () => this.addPoint(), l: () => this.addLocation(), b: () => this.dispatchEvent(new Event("block")), c: () => this.connect(false), C: () => this.connect(true), j: () => this.join(), w: () => this.turn(), 0: () => this.fit(), "+": () => this.#zoom(ZOOM), "=": () => this.#zoom(ZOOM), "-": () => this.#zoom(1 / ZOOM) };
     if (event.key === "Tab") {
       if (!this.#next(event.shiftKey ? -1 : 1)) return;
     } else if (event.ctrlKey || event.metaKey) {

@@ -6,6 +6,7 @@ import { Labels } from "../map/labels.js";
 import { middle, trace } from "../map/lines.js";
 import { paintBlock } from "../map/plan_painter.js";
 import { paintWaiting } from "../map/waiting.js";
+import { placesOf } from "./scene.js";
 
 const EDGE = 40; // px
 const MARGIN = 160; // px painted beyond the edges
@@ -64,8 +65,7 @@ export class DraftPainter {
 
 // The scene as the fleet's map has it.
 function planOf({ points, locations, lines }) {
-  const shape = ({ from, to, corners, curved }) => ({ line: [[from.x, from.y], ...corners, [to.x, to.y]], curved });
-  const named = new Map(lines.flatMap((line) => line.names.map((name) => [name, shape(line)])));
+  const named = new Map(lines.flatMap((line) => line.names.map((name) => [name, { line: placesOf(line), curved: line.curved }])));
   return { named, points, locations: [...locations.values()], blocks: [] };
 }
 
@@ -96,10 +96,6 @@ function crosses(view, { from, to, corners }) {
   const [right, bottom] = view.toPlane(view.width + EDGE, view.height + EDGE);
   if (corners.length) return true;
   return Math.max(from.x, to.x) > left && Math.min(from.x, to.x) < right && Math.max(from.y, to.y) > bottom && Math.min(from.y, to.y) < top;
-}
-
-function placesOf({ from, to, corners }) {
-  return [[from.x, from.y], ...corners, [to.x, to.y]];
 }
 
 function onScreen(view, line) {

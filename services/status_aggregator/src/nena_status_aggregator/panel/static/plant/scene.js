@@ -59,6 +59,11 @@ export function parted(scene, names) {
   return [part(false), part(true)];
 }
 
+/** Return the places of a line, with both ends, m. */
+export function placesOf({ from, to, corners }) {
+  return [[from.x, from.y], ...corners, [to.x, to.y]];
+}
+
 /** Return two scenes: without and with only a line. */
 export function partedLine(scene, line) {
   const others = scene.lines.filter((each) => each !== line);
@@ -78,8 +83,7 @@ export function hit(scene, view, [px, py]) {
   if (found) return found;
   least = NEAR_LINE;
   for (const line of scene.lines) {
-    const corners = [[line.from.x, line.from.y], ...line.corners, [line.to.x, line.to.y]];
-    const places = flattened({ line: corners.map(([x, y]) => view.toScreen(x, y)), curved: line.curved });
+    const places = flattened({ line: placesOf(line).map(([x, y]) => view.toScreen(x, y)), curved: line.curved });
     for (let at = 1; at < places.length; at += 1) {
       const away = toSegment([px, py], places[at - 1], places[at]);
       if (away < least) [found, least] = [line.names, away];

@@ -15,6 +15,7 @@ export class Trials extends EventTarget {
   findings = [];
   map = null; // {grid, image}, as the robots' maps
   #checked = null; // what the clearance was checked for
+  #due = false; // whether the draft has changed since
   #waiting = 0; // programs that have not ended
   #last = Promise.resolve();
 
@@ -35,8 +36,14 @@ export class Trials extends EventTarget {
   }
 
   /** Check the clearance of a changed draft, if it was checked before. */
-  async recheck() {
-    if (this.#checked && !this.#waiting) await this.#check(this.#checked).catch(() => null);
+  recheck() {
+    this.#due = this.#checked !== null;
+    this.#settle();
+  }
+
+  // What changed while a program ran is checked after it.
+  #settle() {
+    if (this.#due && !this.#waiting) this.#check(this.#checked).catch(() => null);
   }
 
   // One after the other, as the order service runs them.
@@ -44,11 +51,15 @@ export class Trials extends EventTarget {
     this.#waiting += 1;
     const start = async () => {
       await this.page.flush();
+      if (request.program === "CHECK") this.#due = false;
       await command(["plantDrafts", this.page.name, "run"], request);
       return this.#follow();
     };
     const done = this.#last.then(start);
-    this.#last = done.catch(() => null).then(() => (this.#waiting -= 1));
+    this.#last = done.catch(() => null).then(() => {
+      this.#waiting -= 1;
+      this.#settle();
+    });
     return done;
   }
 
@@ -153,13 +164,13 @@ export class Trials extends EventTarget {
   }
 
   #showFigures({ figures, activeFigures, texts }) {
-    const heads = ["plant.fleet", "plant.perHour", "plant.waits", "plant.lead", "plant.heat"].map((key) => element("th", { scope: "col" }, t(key)));
+    const heads = ["plant.fleet", "plant.perHour", "plant.waits", "plant.lead"].map((key) => element("th", { scope: "col" }, t(key)));
     const rows = figures.map((figure, at) => {
       const active = activeFigures[at];
-      const beside = (show) => [figure, active].map((each) => (each ? show(each) : "–")).join(" | ");
-      const heat = button(t("plant.showHeat"), () => this.#showHeat(figure, heat), { "aria-pressed": "false", "aria-label": t("plant.showHeatOf", { robots: number(figure.robots) }) });
-      const cells = [number(figure.robots), beside((each) => number(each.ordersPerHour, 0)), beside((each) => `${number(100 * (each.doing.waits ?? 0), 0)} %`), beside((each) => (each.leadP50 === null ? "–" : duration(each.leadP50))), heat];
-      return element("tr", {}, ...cells.map((cell) => element("td", {}, cell)));
+      const beside = (show) => [figure, active].flatMap((each) => [each ? show(each) : "–", element("br")]);
+      const heat = button(number(figure.robots), () => this.#showHeat(figure, heat), { "aria-pressed": "false", "aria-label": t("plant.showHeatOf", { robots: number(figure.robots) }) });
+      const cells = [[heat], beside((each) => number(each.ordersPerHour, 0)), beside((each) => `${number(100 * (each.doing.waits ?? 0), 0)} %`), beside((each) => (each.leadP50 === null ? "–" : duration(each.leadP50)))];
+      return element("tr", {}, ...cells.map((cell) => element("td", {}, ...cell)));
     });
     const table = element("table", {}, element("caption", {}, t("plant.beside")), element("thead", {}, element("tr", {}, ...heads)), element("tbody", {}, ...rows));
     const notes = new Set([...texts, ...figures.flatMap((each) => each.notes)]);
