@@ -58,3 +58,7 @@ async def test_fleet_control_publishes_orders_as_configured(
             await fleet.wait_for("VdaOrderAccepted")
 
     assert peer.qualities == {"order": {qos}}
+
+
+def test_the_setting_may_be_a_text_as_on_the_command_line() -> None:
+    assert FleetSettings.model_validate({"qos": "0"}).qos == 0

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from typer.testing import CliRunner
 
+from nena_cli import conversations
 from nena_cli.conversations import app
+from nena_conversations.kit.clause import NotApplicableError
 
 BROKER = "mqtt://127.0.0.1:1"
 
@@ -26,3 +30,25 @@ def test_what_cannot_be_tested_is_said(arguments: list[str], words: str) -> None
 
     assert result.exit_code == 2
     assert words in result.output.replace("\n", " ")
+
+
+@pytest.mark.parametrize(
+    "side", [["robot", BROKER, "ACME/1", "--version", "2.1.0"], ["fleet", BROKER, "ACME/1"]]
+)
+def test_a_report_that_cannot_be_written_is_said_before_the_test(side: list[str], tmp_path: Path) -> None:
+    existing = tmp_path / "messages.jsonl"
+    existing.write_text("kept")
+    for option, path in (
+        ("--html", tmp_path / "missing" / "report.html"),
+        ("--junit", tmp_path),
+        ("--recording", existing),
+    ):
+        result = CliRunner().invoke(app, ["test", *side, option, str(path)])
+        assert result.exit_code == 2
+        assert "choose another name" in result.output.replace("\n", " ")
+
+
+async def test_a_step_at_the_robot_can_be_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("typer.prompt", lambda *_, **__: "s")
+    with pytest.raises(NotApplicableError, match="skipped: press the button"):
+        await conversations._ask_at_the_robot("press the button")

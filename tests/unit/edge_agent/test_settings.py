@@ -72,6 +72,7 @@ def test_operations_are_read_from_tables_of_the_file(tmp_path: Path) -> None:
         ("--interval.state_minimum", "5", "--interval.state_maximum", "1"),
         ("--version", "1.1.0"),
         ("--loopback.speed", "0"),
+        ("--qos", "2"),
     ],
 )
 def test_an_invalid_value_is_named(argv: tuple[str, ...]) -> None:
@@ -79,6 +80,11 @@ def test_an_invalid_value_is_named(argv: tuple[str, ...]) -> None:
         loaded(*argv)
 
     assert argv[0].strip("-").split(".")[0] in problem.value.problems[0]
+
+
+@pytest.mark.parametrize("qos", [0, 1])
+def test_the_quality_of_service_is_set_on_the_command_line(qos: int) -> None:
+    assert loaded("--qos", str(qos)).qos == qos
 
 
 def test_settings_are_immutable() -> None:

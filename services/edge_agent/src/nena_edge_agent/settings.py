@@ -192,8 +192,11 @@ class EdgeAgentSettings(ServiceSettings):
         description="Prefix of NeNa's own topics, as in the services; also of the robot's map.",
     )
     # With the standard's 0 (4.1; 2.1: 6.2), the next state after a lost one may take 30 s.
-    qos: Literal[0, 1] = Field(
+    # no Literal: the command line and the environment give texts
+    qos: int = Field(
         1,
+        ge=0,
+        le=1,
         description="MQTT QoS of state, factsheet and subscriptions; the standard uses "
         "0. connection always uses 1.",
     )

@@ -25,7 +25,7 @@ from nena_conversations import broker
 from nena_conversations.broker import BrokerError, EntryFilter
 from nena_conversations.checker import Checker
 from nena_conversations.kit import report
-from nena_conversations.kit.clause import Clause, ClauseFailedError, Verdict
+from nena_conversations.kit.clause import Clause, ClauseFailedError, NotApplicableError, Verdict
 from nena_conversations.kit.fleet_clauses import FLEET_CLAUSES
 from nena_conversations.kit.fleet_run import ORDER_WITHIN, PACE, WATCH, PlayedSetup, judge_fleet
 from nena_conversations.kit.fleet_session import Ask, Wanted
@@ -258,6 +258,8 @@ def judge(
 
     Without places or a square, the robot is not moved, and clauses on drives do not apply.
     """
+    files = Reports(html, junit, badge, json_file, recording)
+    files.check()
     manufacturer, _, serial = robot.partition("/")
     if not serial:
         fail(f"{robot!r} is no robot: use MANUFACTURER/SERIAL, as in its topics")
@@ -301,7 +303,7 @@ def judge(
             )
         )
         about = {"robot": robot, "version": codec.version}
-        _write_reports(verdicts, entries, about, Reports(html, junit, badge, json_file, recording))
+        _write_reports(verdicts, entries, about, files)
 
 
 @tests.command("fleet")
@@ -353,6 +355,8 @@ def judge_fleet_control(
 
     Start orders when the command asks for them, or let --command do it.
     """
+    files = Reports(html, junit, badge, json_file, recording)
+    files.check()
     if len(robots) > MAX_PLAYED:
         fail(f"{len(robots)} robots are too many: at most {MAX_PLAYED} can be played")
     client_id = f"nena-test-{getpid()}"
@@ -381,7 +385,7 @@ def judge_fleet_control(
         )
         versions = ", ".join(dict.fromkeys(each.codec.version for each in setups))
         about = {"fleet control": url.rpartition("@")[2], "version": versions}
-        _write_reports(verdicts, entries, about, Reports(html, junit, badge, json_file, recording))
+        _write_reports(verdicts, entries, about, files)
 
 
 def _chosen(clauses: Sequence[Clause[T]], names: list[str] | None) -> list[Clause[T]]:
@@ -430,6 +434,14 @@ class Reports:
     json: Path | None
     recording: Path | None
 
+    def check(self) -> None:
+        """Fail before a test if a file cannot be written after it."""
+        for path in filter(None, (self.html, self.junit, self.badge, self.json, self.recording)):
+            if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+                fail(f"{path} cannot be written: choose another name in a folder that exists")
+        if self.recording and self.recording.exists():
+            fail(f"{self.recording} already exists; choose another name or delete it")
+
 
 def _write_reports(
     verdicts: Sequence[Verdict], entries: Iterable[Entry], about: dict[str, str], files: Reports
@@ -454,7 +466,10 @@ def _write_reports(
 
 
 async def _ask_at_the_robot(what: str) -> None:
-    await asyncio.to_thread(typer.prompt, f"Please {what}, then press Enter", default="", show_default=False)
+    question = f"Please {what}, then press Enter (s: skip)"
+    if await asyncio.to_thread(typer.prompt, question, default="", show_default=False) == "s":
+        message = f"skipped: {what}"
+        raise NotApplicableError(message)
 
 
 def _place_of(text: str) -> tuple[float, float]:
@@ -466,9 +481,9 @@ def _place_of(text: str) -> tuple[float, float]:
 
 
 def _print_verdict(verdict: Verdict) -> None:
-    colour = report.COLOURS[verdict.outcome]
+    colour = report.colour_of(verdict)
     console = Console(soft_wrap=True, highlight=False)
-    console.print(f"[{colour}]{verdict.outcome.value:<15}[/] {escape(verdict.id)} [dim]{verdict.section}[/]")
+    console.print(f"[{colour}]{verdict.words:<15}[/] {escape(verdict.id)} [dim]{verdict.section}[/]")
 
 
 def _topic_filters(topics: list[str] | None, interface: str, robot: str | None) -> tuple[str, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Literal
 
 from pydantic import Field
 
@@ -62,8 +61,11 @@ class FleetSettings(SettingsGroup):
     release_lease: float = Field(
         0.0, ge=0, description="Lease of a release, seconds. 0: until it is returned."
     )
-    qos: Literal[0, 1] = Field(
+    # no Literal: the command line and the environment give texts
+    qos: int = Field(
         1,
+        ge=0,
+        le=1,
         description="MQTT QoS of messages to and from robots. The standard uses 0, except for connection.",
     )
     strict: bool = Field(

@@ -92,8 +92,16 @@ class Verdict:
     messages: tuple[str, ...] = ()
     """The messages that show it, as ``topic payload``, the last ones."""
     seconds: float = 0.0
+    drives: bool = False
+    """Whether the robot under test has to drive for it."""
 
     @property
     def violated(self) -> bool:
         """Return whether the tested side violates what it must keep."""
         return self.outcome is Outcome.FAILED and self.strength is Strength.MUST
+
+    @property
+    def words(self) -> str:
+        """The outcome, which tells what should be done from what must be."""
+        advised = self.outcome is Outcome.FAILED and not self.violated
+        return f"{self.outcome.value} ({self.strength.value})" if advised else self.outcome.value

@@ -61,6 +61,7 @@ async def try_clause(clause: Clause[S], section: str, session: S, prefix: str = 
         reason,
         texts(shown),
         monotonic() - began,
+        clause.moves,
     )
 
 

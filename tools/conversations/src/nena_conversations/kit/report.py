@@ -15,7 +15,13 @@ from rich.text import Text
 
 from nena_conversations.kit.clause import Outcome, Verdict
 
-COLOURS: Final = {Outcome.PASSED: "green", Outcome.FAILED: "red", Outcome.NOT_APPLICABLE: "dim"}
+COLOURS: Final = {Outcome.PASSED: "green", Outcome.FAILED: "yellow", Outcome.NOT_APPLICABLE: "dim"}
+"""Colours of outcomes; what must be kept and is not is red."""
+
+
+def colour_of(verdict: Verdict) -> str:
+    """Return the colour of a verdict on a terminal."""
+    return "red" if verdict.violated else COLOURS[verdict.outcome]
 
 
 def violations(verdicts: Sequence[Verdict]) -> list[Verdict]:
@@ -25,8 +31,9 @@ def violations(verdicts: Sequence[Verdict]) -> list[Verdict]:
 
 def summary(verdicts: Sequence[Verdict]) -> str:
     """Return the numbers of clauses by outcome in a sentence."""
-    counts = Counter(each.outcome for each in verdicts)
-    return ", ".join(f"{counts[outcome]} {outcome.value}" for outcome in Outcome)
+    counts = Counter(each.words for each in verdicts)
+    always = {outcome.value: None for outcome in Outcome}
+    return ", ".join(f"{counts[words]} {words}" for words in always | dict.fromkeys(sorted(counts)))
 
 
 def table(verdicts: Sequence[Verdict]) -> Table:
@@ -34,7 +41,7 @@ def table(verdicts: Sequence[Verdict]) -> Table:
     shown = Table("clause", "section", "strength", "verdict", "why")
     for each in verdicts:
         if each.outcome is not Outcome.PASSED:
-            verdict = Text(each.outcome.value, style=COLOURS[each.outcome])
+            verdict = Text(each.words, style=colour_of(each))
             shown.add_row(Text(each.id), each.section, each.strength.value, verdict, Text(each.reason))
     return shown
 
@@ -72,7 +79,7 @@ def as_html(verdicts: Sequence[Verdict], about: dict[str, str]) -> str:
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>VDA 5050 test</title><style>'
         "body{font:15px/1.5 system-ui,sans-serif;margin:2rem;max-width:75rem}table{border-collapse:collapse}"
         "th,td{text-align:left;vertical-align:top;padding:.3rem .6rem;border-bottom:1px solid #ccc}"
-        ".passed{color:#0a6b2d}.failed{color:#b00020;font-weight:600}pre{white-space:pre-wrap;font-size:12px}"
+        ".passed{color:#0a6b2d}.failed{color:#7a5b00}.violated{color:#b00020;font-weight:600}pre{white-space:pre-wrap;font-size:12px}"
         f"</style><h1>VDA 5050 test of a {what}</h1><p>{facts}</p><p>{escape(summary(verdicts))}</p>"
         f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></html>"
     )
@@ -83,8 +90,10 @@ def as_badge(verdicts: Sequence[Verdict], about: dict[str, str]) -> str:
     passed = sum(each.outcome is Outcome.PASSED for each in verdicts)
     failed = len(violations(verdicts))
     left, right = f"VDA 5050 {about['version']}", f"{failed} failed" if failed else f"{passed} passed"
+    undriven = any(each.drives and each.outcome is Outcome.NOT_APPLICABLE for each in verdicts)
+    right += ", no drives" if undriven else ""
     widths = [7 * len(text) + 14 for text in (left, right)]
-    colour = "#b00020" if failed else "#0a6b2d"
+    colour = "#b00020" if failed else "#7a5b00" if undriven else "#0a6b2d"
     texts = "".join(
         f'<text x="{middle}" y="14">{escape(text)}</text>'
         for text, middle in ((left, widths[0] / 2), (right, widths[0] + widths[1] / 2))
@@ -104,7 +113,7 @@ def _row(each: Verdict) -> str:
         f"{escape(each.id)}<br>{escape(each.title)}",
         escape(each.section),
         each.strength.value,
-        f'<span class="{each.outcome.name.lower()}">{each.outcome.value}</span>',
+        f'<span class="{"violated" if each.violated else each.outcome.name.lower()}">{each.words}</span>',
         escape(each.reason) + seen,
     )
     return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"

@@ -54,9 +54,7 @@ async def _state_has_a_position(robot: RobotSession) -> None:
 async def _factsheet_is_sent(robot: RobotSession) -> None:
     count = robot.heard.counts[Topic.FACTSHEET]
     found = await robot.instant("factsheetRequest")
-    require(
-        found.action_status is ActionStatus.FINISHED, f"factsheetRequest ended {found.action_status.value}"
-    )
+    robot.require_end(found, ActionStatus.FINISHED)
     await robot.until(lambda: robot.heard.counts[Topic.FACTSHEET] > count, "a factsheet")
 
 
@@ -104,7 +102,7 @@ async def _factsheet_is_retained(robot: RobotSession) -> None:
 async def _state_is_sent(robot: RobotSession) -> None:
     count = robot.heard.counts[Topic.STATE]
     found = await robot.instant("stateRequest")
-    require(found.action_status is ActionStatus.FINISHED, f"stateRequest ended {found.action_status.value}")
+    robot.require_end(found, ActionStatus.FINISHED)
     require(robot.heard.counts[Topic.STATE] > count, "no state came after stateRequest")
 
 
@@ -112,26 +110,21 @@ async def _state_is_sent(robot: RobotSession) -> None:
 async def _unknown_instant_action_fails(robot: RobotSession) -> None:
     errors = robot.errors
     found = await robot.instant("danceLikeNobodyIsWatching")
-    require(
-        found.action_status is ActionStatus.FAILED, f"an unknown action ended {found.action_status.value}"
-    )
+    robot.require_end(found, ActionStatus.FAILED)
     await robot.state(lambda state: new_errors(state, errors), "an error about the unknown action")
 
 
 @_clause("cancelOrder/idle", "cancelOrder without an order fails", ("6.6.3", "6.1.3"))
 async def _cancel_without_order_fails(robot: RobotSession) -> None:
     found = await robot.instant("cancelOrder")
-    require(
-        found.action_status is ActionStatus.FAILED,
-        f"cancelOrder without an order ended {found.action_status.value}",
-    )
+    robot.require_end(found, ActionStatus.FAILED)
 
 
 @_clause("pause/standing", "startPause and stopPause show in the state", ("6.8.1", "6.2.3"))
 async def _pause_shows(robot: RobotSession) -> None:
     for action, paused in (("startPause", True), ("stopPause", False)):
         found = await robot.instant(action)
-        require(found.action_status is ActionStatus.FINISHED, f"{action} ended {found.action_status.value}")
+        robot.require_end(found, ActionStatus.FINISHED)
         await _paused(robot, paused=paused)
 
 
@@ -331,7 +324,7 @@ async def _instant_actions_are_cleared(robot: RobotSession) -> None:
 async def _cancel_of_another_order_fails(robot: RobotSession) -> None:
     order_id, _ = await _begin_drive(robot, released=2)
     found = await robot.instant("cancelOrder", orderId="another-order")
-    require(found.action_status is ActionStatus.FAILED, f"it ended {found.action_status.value}")
+    robot.require_end(found, ActionStatus.FAILED)
     state = await robot.done(order_id, robot.drive_within)
     require(state.last_node_id == "place-1", "the order was cancelled")
 
@@ -346,7 +339,7 @@ def _unknown(action_type: str, sections: tuple[str | None, str], **parameters: s
             message = f"the factsheet does not list {action_type}"
             raise NotApplicableError(message)
         found = await robot.instant(action_type, **parameters)
-        require(found.action_status is ActionStatus.FAILED, f"it ended {found.action_status.value}")
+        robot.require_end(found, ActionStatus.FAILED)
 
 
 _unknown("enableMap", ("6.7", "6.2.3"), mapId="no-such-map", mapVersion="1")
@@ -486,7 +479,7 @@ async def _pause_stops_the_drive(robot: RobotSession) -> None:
     order_id, _ = await _begin_drive(robot, released=2)
     await robot.state(lambda state: state.driving, "driving true", robot.drive_within)
     found = await robot.instant("startPause")
-    require(found.action_status is ActionStatus.FINISHED, f"startPause ended {found.action_status.value}")
+    robot.require_end(found, ActionStatus.FINISHED)
     await robot.state(lambda state: state.paused and not state.driving, "a paused robot that stands")
     await robot.never(lambda state: state.driving, "the paused robot drove", UNMOVED)
     await robot.instant("stopPause")
@@ -499,7 +492,7 @@ async def _order_is_cancelled(robot: RobotSession) -> None:
     order_id, _ = await _begin_drive(robot, released=2)
     await robot.state(lambda state: state.driving, "driving true", robot.drive_within)
     found = await robot.instant("cancelOrder")
-    require(found.action_status is ActionStatus.FINISHED, f"cancelOrder ended {found.action_status.value}")
+    robot.require_end(found, ActionStatus.FINISHED)
     state = await robot.state(lambda state: not state.driving, "a robot that stands")
     require(not state.node_states and not state.edge_states, "nodes or edges remain after cancelOrder")
     require(state.order_id == order_id, f"orderId is {state.order_id!r} after cancelOrder, not the order's")

@@ -19,7 +19,7 @@ from nena_conversations.message import ReceivedMessage, parse
 from nena_conversations.recording import Entry
 from nena_conversations.rules import Finding
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
-from nena_shared.vda5050.action import Action, ActionState, BlockingType, InstantActions
+from nena_shared.vda5050.action import Action, ActionState, ActionStatus, BlockingType, InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection
@@ -91,7 +91,8 @@ class Listener:
 
     def shown(self, first: int) -> list[Entry]:
         """Return the messages that show a violation, of those from the ``first`` on."""
-        return self.recording[first:][-KEPT:]
+        telling = [each for each in self.recording[first:] if not each.topic.endswith(Topic.VISUALIZATION)]
+        return telling[-KEPT:]
 
     async def prepare(self, *, moves: bool) -> None:
         """Get ready for a clause; raises NotApplicableError."""
@@ -212,7 +213,7 @@ class RobotSession(Listener):
         state = self.heard.state
         if state is None:
             return "the robot has sent no readable state"
-        errors = ", ".join(error.error_type for error in state.errors) or "none"
+        errors = ", ".join(map(_in_words, state.errors)) or "none"
         nodes = ", ".join(node.node_id for node in state.node_states) or "none"
         order = f"orderId {state.order_id!r}, orderUpdateId {state.order_update_id}"
         drive = f"lastNodeId {state.last_node_id!r}, nodeStates {nodes}, driving {str(state.driving).lower()}"
@@ -270,6 +271,15 @@ class RobotSession(Listener):
 
         await self.until(look, f"the end of {action_type}")
         return found[0]
+
+    def require_end(self, found: ActionState, wanted: ActionStatus) -> None:
+        """Raise ClauseFailedError with the robot's own words unless an action has ended as it should."""
+        if found.action_status is not wanted:
+            result = f" ({found.action_result})" if found.action_result else ""
+            message = (
+                f"{found.action_type} ended {found.action_status}{result}, not {wanted}; {self.describe()}"
+            )
+            raise ClauseFailedError(message)
 
     def send_instant(self, action_type: str, **parameters: object) -> str:
         """Send an instant action; return its ID."""
@@ -388,6 +398,10 @@ class RobotSession(Listener):
         if state.node_states or state.driving:
             await self.instant("cancelOrder")
             await self.state(lambda now: not now.driving and not now.node_states, "a robot that stands")
+
+
+def _in_words(error: ErrorEntry) -> str:
+    return f"{error.error_type} ({error.error_description})" if error.error_description else error.error_type
 
 
 Errors = tuple[ErrorEntry, ...]
