@@ -468,6 +468,15 @@ def test_a_route_may_cross_but_not_end_on_what_is_kept_free() -> None:
     assert Bench(tracks_of_evasion("A B", "B C"), w="A").relocate("w", kept=["B", "C"]) == {}
 
 
+def test_a_vehicle_is_not_sent_past_a_stopped_one() -> None:
+    """It would be stuck at once, its route would end, and it would be sent there again, without end."""
+    bench = Bench(tracks_of_evasion("A B", "B C", "C D", "B E", "E F", "X C"), w="B", s="X")
+    bench._relocator.closed = [bench.scene.manager.resources.at_point("C")]
+    ways = [each.route.points for each in bench._relocator.relocate(["w"], [], lambda _: True)]
+    assert ways == [("B", "A")]
+    assert bench.relocate("s") == {}, "its only way out is closed"
+
+
 def test_a_long_vehicle_drives_until_its_tail_is_clear() -> None:
     model = tracks_of_evasion("A B", "B C", "C D", "D E")
     assert Bench(model, w="A").relocate("w", kept=["B"]) == {"w": "C"}

@@ -157,9 +157,8 @@ class Pauses:
 
     def why_held(self, vehicle: FleetVehicle) -> Reason | None:
         """Return who holds the order of a paused vehicle, and why; None if nobody does."""
-        number = self._order_numbers.get(vehicle.name)
-        held = self._orders.get(number).status.held if number is not None else None
-        return why_held(held) if held else None
+        order = self._orders.find(self._order_numbers.get(vehicle.name, -1))
+        return why_held(order.status.held) if order and order.status.held else None
 
     def why_paused(self, vehicle: FleetVehicle) -> Reason | None:
         """Return why a vehicle cannot continue; None if it can, or if its order is on hold."""

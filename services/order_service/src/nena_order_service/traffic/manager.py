@@ -504,6 +504,7 @@ class TrafficManager:
             stuck |= behind
             for name in behind:
                 self.scheduler.give_up_claim(name)
+        self._relocator.closed = [held for name in stuck for held in self.held_by(name)]
         if stuck != self._stuck:
             self._stuck = frozenset(stuck)
             self._last_refusals.clear()

@@ -46,6 +46,7 @@ class Relocator:
         scheduler: Scheduler,
         routes: VehicleRoutes,
     ) -> None:
+        self.closed: Sequence[ResourceSet] = ()  # by stopped vehicles and those behind: no way out
         self._parks = {point.name for point in plant.points if point.type is PointType.PARK_POSITION}
         self._resources = resources
         self._scheduler = scheduler
@@ -107,7 +108,8 @@ class Relocator:
             way = self._resources_of(vehicle, route)
             if around := self._route_around(vehicle, way, place):
                 route, way = around, self._resources_of(vehicle, around)
-            if not find_conflict(self._scheduler.end_of(vehicle, way), kept_free):
+            ends_free = not find_conflict(self._scheduler.end_of(vehicle, way), kept_free)
+            if ends_free and not find_conflict(way, self.closed):
                 yield route, way
                 tried += 1
                 if tried == CANDIDATES_TRIED:
