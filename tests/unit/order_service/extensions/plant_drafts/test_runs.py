@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import json
+import os
 from base64 import b64decode, b64encode
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from PIL import Image
@@ -47,11 +50,18 @@ async def done(site: Site, program: str, **fields: Any) -> Any:
     return found
 
 
-async def test_a_map_is_kept_with_the_draft_and_becomes_a_plant(site: Site, tmp_path: Path) -> None:
+async def test_a_map_is_kept_with_the_draft_and_becomes_a_plant(
+    site: Site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     await site.save(model=LINE)
     assert (await site.call("GET", "/v1/plantDrafts/aisle/map"))["map"] is None
     assert "no map" in (await failed(site, "PROPOSE"))
+    # as under deploy/systemd, whose filter of system calls refuses it
+    monkeypatch.setattr(os, "setpriority", Mock(side_effect=PermissionError))
     await done(site, "MAP", map=files(tmp_path, origin="[1.0, 2.0, 0.5]"))
+    [row] = (await site.call("GET", "/v1/audit?operation=startPlantRun"))["entries"][:1]
+    assert json.loads(row["request"])["program"] == "MAP"
+    assert "image" not in row["request"], "the audit trail keeps no files"
     kept = (await site.call("GET", "/v1/plantDrafts/aisle/map"))["map"]
     assert [kept[key] for key in ("name", "width", "height", "x", "theta")] == ["site", 200, 140, 1, 0.5]
     picture = Image.open(BytesIO(b64decode(kept["picture"])))

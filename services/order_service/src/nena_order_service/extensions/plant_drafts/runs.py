@@ -239,8 +239,9 @@ async def _execute(folder: Path, module: str, *arguments: object, good: Collecti
         start_new_session=True,
     )
     try:
-        with suppress(ProcessLookupError):
+        with suppress(ProcessLookupError):  # it has ended
             resource.prlimit(process.pid, resource.RLIMIT_AS, (MEMORY, MEMORY))
+        with suppress(ProcessLookupError, PermissionError):  # as in deploy/systemd
             os.setpriority(os.PRIO_PROCESS, process.pid, NICENESS)
         printed, errors = await process.communicate()
     finally:
