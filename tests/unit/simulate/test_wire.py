@@ -7,7 +7,7 @@ from random import Random
 
 from nena_shared.mqtt import Inbound, Outbound
 from nena_simulate.virtual_time import VirtualClock, run
-from nena_simulate.wire import Broker, Conditions, Link
+from nena_simulate.wire import Broker, Conditions, DirectReader, Link
 from support.pausing import time_passes
 
 
@@ -33,3 +33,8 @@ def test_an_empty_retained_message_is_delivered_and_clears_its_topic() -> None:
         return heard
 
     assert run(work) == ([b"leader", b""], [])
+
+
+def test_a_robot_keeps_its_codec() -> None:
+    reader = DirectReader()
+    assert reader.codec_of("2.1.0") is reader.codec_of("2.1.0")

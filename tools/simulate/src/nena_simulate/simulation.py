@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+
 from nena_simulate.observation import HOUR, Observed, Observer
 from nena_simulate.report import Figures
 from nena_simulate.site import Case, Site
@@ -20,6 +22,7 @@ def observe(case: Case) -> Observed:
 
 async def _simulate_case(case: Case, clock: VirtualClock) -> Observed:
     site = Site(case, clock)
+    gc.freeze()  # what lasts is not searched for garbage, as in the programs
     observer = Observer(site)
     await site.run(case.warm_up + case.hours * HOUR, observer.watch)
     return observer.observed()

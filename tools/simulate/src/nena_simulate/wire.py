@@ -6,6 +6,7 @@ import asyncio
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from random import Random
 from typing import TypeVar
 
@@ -34,8 +35,9 @@ class DirectCodec(Codec):
     """Passes messages on as they are; reads encoded ones, which have none for their version yet."""
 
     @classmethod
+    @cache
     def of(cls, version: str) -> DirectCodec:
-        """Return the codec of a version."""
+        """Return the codec of a version: the same one each time, as robots would seem to change theirs."""
         codec = codec_for(version)
         return cls(codec.version, codec.interface_name, codec.forms, codec.rules)
 

@@ -148,7 +148,7 @@ def memory_of(robot: RobotState) -> Memory:
 
 def restore_robot(memory: Memory, capabilities: Capabilities, path_of: PathOf | None = None) -> RobotState:
     """Return the state of a robot from its record; ``path_of`` as in ``OrderProgress``."""
-    progress = OrderProgress(path_of)
+    progress = OrderProgress(capabilities.rules, path_of)
     for name in ProgressMemory.model_fields:
         setattr(progress, name, getattr(memory.progress, name))
     progress.nodes, progress.edges = deque(memory.progress.nodes), deque(memory.progress.edges)

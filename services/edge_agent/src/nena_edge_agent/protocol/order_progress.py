@@ -14,6 +14,7 @@ from typing import Final
 
 from nena_shared.vda5050.base import CommandHeader, WireObject
 from nena_shared.vda5050.order import ControlPoint, Edge, Node, Order, Trajectory
+from nena_shared.vda5050.rules import Rules
 from nena_shared.vda5050.state import EdgeState, NodeState, PlannedPath
 
 
@@ -222,7 +223,7 @@ class OrderProgress:
         cleared: the order ended early: it was cancelled (``cancelled``) or the operating mode changed.
     """
 
-    def __init__(self, path_of: PathOf | None = None) -> None:
+    def __init__(self, rules: Rules, path_of: PathOf | None = None) -> None:
         """Prepare; ``path_of`` returns the paths of a robot that follows them."""
         self.order_id = ""
         self.order_update_id = 0
@@ -241,7 +242,7 @@ class OrderProgress:
         self.node_states: tuple[NodeState, ...] = ()
         """The remaining nodes, as reported in the state."""
         self.edge_states: tuple[EdgeState, ...] = ()
-        self._path_of = path_of
+        self._rules, self._path_of = rules, path_of
         self.revision = 0
 
     def describe_rest(self) -> None:
@@ -356,7 +357,8 @@ class OrderProgress:
         # The decision point is the last node of the base, where an update begins (6.1.2).
         decision_node = next(node for node in reversed(order.nodes) if node.released)
         self.decision_point = decision_node.node_id, decision_node.sequence_id
-        self.content = OrderFingerprints(fingerprint(order), fingerprint(decision_node))
+        if self._rules.equal_update_id_compared or self._rules.stitching_node_repeated:
+            self.content = OrderFingerprints(fingerprint(order), fingerprint(decision_node))
 
     def _reach_node(self, node: Node) -> None:
         self.last_node, self.last_node_id = node, node.node_id

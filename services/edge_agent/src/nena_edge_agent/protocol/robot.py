@@ -55,7 +55,7 @@ class RobotCore:
         if memory:
             self._robot = restore_robot(memory, capabilities, path_of)
         else:
-            self._robot = RobotState(capabilities, OrderProgress(path_of))
+            self._robot = RobotState(capabilities, OrderProgress(capabilities.rules, path_of))
         self._shown = self._visible_values()
 
     def handle(self, event: events.Event, now: float) -> tuple[events.Effect, ...]:

@@ -297,7 +297,7 @@ class RobotState:
     """
 
     capabilities: Capabilities
-    progress: OrderProgress = field(default_factory=OrderProgress)
+    progress: OrderProgress
     history: OrderHistory = field(default_factory=OrderHistory)
     actions: ActionStates = field(default_factory=ActionStates)
     queue: ActionQueue = field(default_factory=ActionQueue)
