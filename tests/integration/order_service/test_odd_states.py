@@ -404,8 +404,8 @@ async def test_a_robot_switched_to_manual_names_the_mode_everywhere(fleet: Fleet
     async with first.reporting():
         await said(lambda: vehicle(client, "r1"), "idle")
         await create(client, "D", onFailure=[])
-        await said(lambda: order_of(client), "MANUAL", state="BEING_PROCESSED")
-        await said(lambda: vehicle(client, "r1"), "MANUAL")
+        await said(lambda: order_of(client), "operating mode manual", state="BEING_PROCESSED")
+        await said(lambda: vehicle(client, "r1"), "operating mode manual")
         first.robot.set_mode(OperatingMode.MANUAL)  # now it drops its order
 
         await said(lambda: order_of(client), "when it changed to operating mode manual", state="FAILED")
