@@ -762,13 +762,23 @@ async def test_curves_keep_their_shape_length_and_trajectories(hall: Hall, brows
     uses = [{"vehicleTypeId": "small", "trajectory": {"knotVector": [], "controlPoints": []}}]
     path = {"name": "A --- B", "source": "A", "destination": "B", "lengthMm": 6000, "vehicleTypes": uses}
     points = [{"name": "A", "xMm": 0, "yMm": 0}, {"name": "B", "xMm": 6000, "yMm": 0}]
-    model = {"name": "small", "points": points, "paths": [path]}
+    door = {"location": "L", "name": "open"}
+    model = {
+        "name": "small",
+        "points": points,
+        "paths": [{**path, "peripheralOperations": [door]}],
+        "locationTypes": [{"name": "T"}],
+        "locations": [{"name": "L", "type": "T"}],
+        "blocks": [{"name": "K", "members": ["A --- B"]}],
+    }
     async with hall.connected(), opened(browser, hall.url) as page:
         done = json.loads(await page.evaluate(CURVED, model))
     models = {name: PlantModel.model_validate(made) for name, made in done.items()}
     there, back = models["both"].paths
     assert [(each.x_mm, each.y_mm) for each in there.layout.control_points] == [(2000, 0), (4000, 0)]
     assert (there.length_mm, back.length_mm) == (6000, 6000)
+    assert back.peripheral_operations == there.peripheral_operations != ()
+    assert models["both"].blocks[0].members == ("A --- B", "B --- A")
     there, back = models["bent"].paths
     assert [(each.x_mm, each.y_mm) for each in there.layout.control_points] == [(0, 3000), (6000, 3000)]
     assert [(each.x_mm, each.y_mm) for each in back.layout.control_points] == [(6000, 3000), (0, 3000)]

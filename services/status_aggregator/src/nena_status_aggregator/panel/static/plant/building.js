@@ -1,6 +1,6 @@
 // Larger changes of a plant model: blocks, rows of stations, joined points, directions, doors. Each returns a new model. No DOM.
 
-import { add, align, apart, change, connect, find, freshName, pathName, remove, split } from "./model.js";
+import { add, align, apart, change, connect, find, freshName, remove, rename, split } from "./model.js";
 
 const NEAR = 300; // mm, a point that serves a station although it is not exactly beside it
 
@@ -70,35 +70,23 @@ function footOn([a, b], { xMm, yMm }) {
 
 /** Join points at the place of the first one; or the paths through a single point, which is removed. */
 export function join(model, names) {
-  if (!names.every((name) => find(model, name)?.kind === "point")) return model;
-  return names.length > 1 ? merged(model, names) : joinedAt(model, names[0]);
+  const points = names.filter((name) => find(model, name)?.kind === "point");
+  return points.length > 1 ? merged(model, points) : points.length ? joinedAt(model, points[0]) : model;
 }
 
 function merged(model, [kept, ...others]) {
   const all = new Set([kept, ...others]);
-  const moved = align(align(model, all, "xMm"), all, "yMm");
-  const to = (name) => (all.has(name) ? kept : name);
-  const ways = ({ source, destination }) => `${source}\n${destination}`;
-  const isMoved = ({ source, destination }) => to(source) !== source || to(destination) !== destination;
-  const taken = new Set(moved.paths?.filter((path) => !isMoved(path)).map(ways));
-  const renamed = new Map(others.map((name) => [name, kept]));
-  const paths = (moved.paths ?? []).flatMap((path) => {
-    const [source, destination] = [to(path.source), to(path.destination)];
-    const made = { ...path, source, destination, name: path.name === pathName(path.source, path.destination) ? pathName(source, destination) : path.name };
-    const isDropped = source === destination || (isMoved(path) && taken.has(ways(made)));
-    renamed.set(path.name, isDropped ? null : made.name);
-    taken.add(ways(made));
-    return isDropped ? [] : [made];
-  });
-  const served = (each) => (each.links ? { ...each, links: each.links.map((link) => ({ ...link, point: to(link.point) })).filter((link, at, links) => links.findIndex(({ point }) => point === link.point) === at) } : each);
-  const members = (block) => (block.members ?? []).map((each) => (renamed.has(each) ? renamed.get(each) : each)).filter((each) => each !== null);
-  return {
-    ...moved,
-    points: moved.points.filter(({ name }) => name === kept || !all.has(name)),
-    paths,
-    locations: (moved.locations ?? []).map(served),
-    blocks: (moved.blocks ?? []).map((block) => ({ ...block, members: [...new Set(members(block))] })),
-  };
+  const aligned = align(align(model, all, "xMm"), all, "yMm");
+  const made = others.reduce((sofar, name) => rename(sofar, "points", name, kept), aligned);
+  const ways = new Set();
+  const isFirst = ({ source, destination }) => source !== destination && ((source !== kept && destination !== kept) || ways.size < ways.add(`${source}\n${destination}`).size);
+  const paths = made.paths.filter(isFirst);
+  const gone = new Set(made.paths.map(({ name }) => name));
+  for (const { name } of paths) gone.delete(name);
+  const links = (each) => each.links.filter(({ point }, at) => each.links.findIndex((link) => link.point === point) === at);
+  const locations = made.locations.map((each) => (each.links ? { ...each, links: links(each) } : each));
+  const blocks = made.blocks.map((block) => ({ ...block, members: [...new Set(block.members)].filter((each) => !gone.has(each)) }));
+  return { ...made, points: aligned.points.filter(({ name }) => name === kept || !all.has(name)), paths, locations, blocks };
 }
 
 // The slower of two parts, and closed if one of them is, is the whole.
@@ -130,13 +118,16 @@ function joinedAt(model, name) {
   return made === model ? model : remove(made, [name]);
 }
 
-/** Add the way back of paths that have none, of the same shape, length and speed. */
+/** Add the way back of paths that have none: of the same shape, length and speed, in their blocks, through their doors. */
 export function withWayBack(model, names) {
   return names.reduce((made, name) => {
-    const { source, destination, lengthMm, maxVelocityMmS, locked, layout } = find(made, name).thing;
+    const { source, destination, lengthMm, maxVelocityMmS, locked, layout, peripheralOperations } = find(made, name).thing;
     const connected = connect(made, destination, source, false);
     const shape = layout?.controlPoints && { layout: { ...layout, controlPoints: [...layout.controlPoints].reverse() } };
-    return connected === made ? made : change(connected, "paths", [connected.paths.at(-1).name], { lengthMm, maxVelocityMmS, locked, ...shape });
+    if (connected === made) return made;
+    const back = connected.paths.at(-1).name;
+    const inBlocks = (connected.blocks ?? []).map((block) => (block.members?.includes(name) ? { ...block, members: [...block.members, back] } : block));
+    return { ...change(connected, "paths", [back], { lengthMm, maxVelocityMmS, locked, peripheralOperations, ...shape }), blocks: inBlocks };
   }, model);
 }
 

@@ -183,8 +183,7 @@ export function connect(model, from, to, twoWay) {
   }, model);
 }
 
-/** Return the name of a path that is named after its ends. */
-export function pathName(source, destination) {
+function pathName(source, destination) {
   return `${source} --- ${destination}`;
 }
 

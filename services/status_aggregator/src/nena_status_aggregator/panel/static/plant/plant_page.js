@@ -188,7 +188,7 @@ class PlantPage extends HTMLElement {
     this.canvas.addEventListener("block", () => this.blocks.make());
     this.trials = new Trials({ name, canvas: this.canvas, model: () => this.history.present, edit: (model) => this.#edit(model, []), flush: () => this.#saver.flush(), choose: (tool) => this.choose(tool) });
     const keys = element("p", { class: "hint", id: "plant-keys" }, t("plant.keys"));
-    const aside = element("div", { class: "beside" }, this.conflict, this.properties, this.findings, ...this.trials.elements, this.#activation(), this.blocks.element, this.vehicles.element, this.#files());
+    const aside = element("div", { class: "beside" }, this.conflict, this.properties, this.findings, this.#activation(), ...this.trials.elements, this.blocks.element, this.vehicles.element, this.#files());
     this.replaceChildren(this.#head(verbatim("span", name), this.state, this.editors), this.#toolbar(), element("div", { class: "drawing" }, element("div", { class: "sheet" }, this.canvas, keys), aside));
   }
 
@@ -264,7 +264,7 @@ class PlantPage extends HTMLElement {
     renew(this.properties, [element("h3", {}, t("plant.propertiesOf")), ...fields]);
     this.removeTool.disabled = this.blocks.maker.disabled = !names.length;
     for (const each of this.arranging) each.disabled = names.length < 2;
-    this.joinTool.disabled = !names.length || join(this.history.present, names) === this.history.present;
+    this.joinTool.disabled = names.length < 2 && join(this.history.present, names) === this.history.present;
   }
 
   #showState() {
