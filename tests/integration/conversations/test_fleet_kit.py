@@ -456,6 +456,25 @@ async def test_what_the_standard_allows_changes_no_verdict(broker: Broker) -> No
     assert dict(zip(NOISE, map(failed, found), strict=True)) == {name: {} for name in NOISE}
 
 
+class Late(SmallFleet):
+    """Its last repeat of an order is delivered after the robot has done it."""
+
+    last: Message | None = None
+
+    def begin(self, state: State) -> None:
+        if self.last:
+            self.send_order(self.last)
+        super().begin(state)
+
+    def send_order(self, order: Message) -> None:
+        self.last = order
+        super().send_order(order)
+
+
+async def test_a_late_repeat_is_no_other_order(broker: Broker) -> None:
+    assert failed(await judged(broker, ("order/lost", "order/lostSame", "order/slow"), Late)) == {}
+
+
 COMMAND = """
 import json, os, sys
 from urllib.request import Request, urlopen

@@ -22,8 +22,10 @@ _clause = FLEET_CLAUSES.add
 
 
 def _others(fleet: FleetSession, first: int, order: Order) -> list[str]:
-    """Return the IDs of the orders that came after the first so many, and are not ``order``."""
-    return [each.order_id for each in fleet.sent_since(first) if each.order_id != order.order_id]
+    """Return the IDs of new orders that came after the first so many, and are not ``order``."""
+    # an earlier one may come again, late
+    known = {order.order_id, *(each.order_id for _, each in fleet.player.orders[:first])}
+    return [each.order_id for each in fleet.sent_since(first) if each.order_id not in known]
 
 
 @_clause("order/start", "An order comes to an idle robot that is ONLINE", ("6.6", "6.1"))
