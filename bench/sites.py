@@ -11,16 +11,19 @@ from bench.halls import Hall, Sketch
 POINTS = 253
 DEAD_ENDS, ON_LOOPS = 35 / 253, 103 / 253
 """Dead ends, and tracks on the three loops, for each point of a real site; its other tracks are bridges."""
-APART_MM = 2000
+SINGLE_TRACK = 30 / 253
+"""Tracks between two loops, for each point: so long that 13 robots complete as few orders as there."""
+APART_MM = 700
+"""As close that robots that never meet complete as many orders as on a real site."""
 
 Cell = tuple[int, int]
 
 
 @cache
 def site(seed: int, points: int = POINTS) -> Hall:
-    """Return a site by lot: three loops of two-way tracks side by side, and branches of them, on a grid."""
+    """Return a site by lot: three loops joined by long single tracks, and branches of them, on a grid."""
     random, grid = Random(seed), _Grid()
-    grid.add_loops(random, round(ON_LOOPS * points))
+    grid.add_loops(random, round(ON_LOOPS * points), round(SINGLE_TRACK * points))
     ends = grid.add_branches(random, points, round(DEAD_ENDS * points))
     sketch = Sketch()
     names = {
@@ -39,16 +42,26 @@ class _Grid:
     def __init__(self) -> None:
         self.joined: defaultdict[Cell, list[Cell]] = defaultdict(list)
 
-    def add_loops(self, random: Random, tracks: int) -> None:
-        """Add a rectangle of two-way tracks with two tracks across."""
-        height = random.randint(2, max(2, tracks // 8))
-        width = max(3, tracks // 2 - 2 * height)
-        for row in (0, height):
-            for column in range(width):
-                self._join((column, row), (column + 1, row))
-        for column in (0, *sorted(random.sample(range(1, width), 2)), width):
-            for row in range(height):
-                self._join((column, row), (column, row + 1))
+    def add_loops(self, random: Random, tracks: int, between: int) -> None:
+        """Add three rectangles in a row, each joined to the next by ``between`` tracks."""
+        column = row = 0
+        for loop in range(3):
+            half = tracks // 2 * (loop + 1) // 3 - tracks // 2 * loop // 3
+            height = random.randint(2, half // 2)
+            width = half - height
+            self._line(column, row, width, 1, 0)
+            self._line(column, row + height, width, 1, 0)
+            self._line(column, row, height, 0, 1)
+            self._line(column + width, row, height, 0, 1)
+            column, row = column + width, row + random.randint(0, height)
+            if loop < 2:
+                self._line(column, row, between, 1, 0)
+                column, row = column + between, row - random.randint(0, 2)
+
+    def _line(self, column: int, row: int, tracks: int, right: int, up: int) -> None:
+        for number in range(tracks):
+            here = column + number * right, row + number * up
+            self._join(here, (here[0] + right, here[1] + up))
 
     def add_branches(self, random: Random, points: int, dead_ends: int) -> list[Cell]:
         """Add branches until there are so many points; return their about ``dead_ends`` dead ends."""
