@@ -212,6 +212,9 @@ def _of_motion() -> Iterator[Deviation]:
     yield Deviation("velocity as a list", {"velocity": []}, "state.velocity []: left out")
     yield Deviation("velocity null", {"velocity": None})
     yield Deviation("driving 0 or 1", {"driving": int}, "state.driving 0: text as boolean")
+    yield Deviation(
+        "driving true, at rest as well", {"driving": True}, refusal="left its route or moves on its own"
+    )
     yield Deviation("driving as text", {"driving": str}, 'state.driving "False": text as boolean')
     yield Deviation("paused 'yes'", {"paused": "yes"}, 'state.paused "yes": left out')
     yield Deviation(
