@@ -50,12 +50,14 @@ class Request(CamelCase):
     model_config = ConfigDict(extra="forbid")
 
 
+_DIGITS: Final = re.compile(r"[+-]?[\d.]+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+_UNIX_TIME: Final = re.compile(r"\d{10}(\d{3})?(\.\d*)?", re.ASCII)
+
+
 def _refuse_digits(value: object) -> object:
     """Return a time; raise ValueError for digits that pydantic reads as a time of 1970, such as 20260101."""
     digits = str(value).strip() if isinstance(value, str | int | float) else ""
-    if re.fullmatch(r"[+-]?[\d.]+(e[+-]?\d+)?", digits, re.ASCII | re.IGNORECASE) and not re.fullmatch(
-        r"\d{10}(\d{3})?(\.\d*)?", digits, re.ASCII
-    ):
+    if digits and _DIGITS.fullmatch(digits) and not _UNIX_TIME.fullmatch(digits):
         message = "write ISO 8601, such as 2026-01-31T10:00:00Z, or a Unix time of 10 (s) or 13 (ms) digits"
         raise ValueError(message)
     return value

@@ -295,6 +295,8 @@ class Driving:
         stops: Stops,
     ) -> None:
         self.mobility = Mobility(context, positions, pauses)
+        self._can_move, self._is_lost = cache(self.mobility.can_move), cache(self.mobility.is_lost)
+        """Answers that hold during the decisions of traffic control."""
         self._context = context
         self._state = context.state
         self._drives = context.state.drives
@@ -436,9 +438,10 @@ class Driving:
             )
             # Traffic control asks about the same vehicles for each request, and only its own decisions change
             # the answers meanwhile: a vehicle that it has just sent away has a route.
-            can_move, is_lost = cache(self.mobility.can_move), cache(self.mobility.is_lost)
+            self._can_move.cache_clear()
+            self._is_lost.cache_clear()
             for decision in self._traffic.decide(
-                lambda name: not self._traffic.route_of(name) and can_move(name), is_lost
+                lambda name: not self._traffic.route_of(name) and self._can_move(name), self._is_lost
             ):
                 if isinstance(decision, MoreClaimed):
                     self._allocate_and_send(self._vehicle_named(decision.vehicle))
