@@ -150,7 +150,7 @@ async def test_the_divider_gives_room_to_the_map_or_the_lists(hall: Hall, browse
             await becomes(page, CORNERS, None, bool)
             await page.reload()
             await expect(divider).to_have_attribute("aria-valuenow", "20")
-            await divider.dblclick()
+            await divider.dispatch_event("dblclick")  # on a busy machine, Firefox takes two clicks as two
             await becomes(
                 page, "document.querySelector('#map').offsetWidth", None, lambda now: abs(now - before) < 3
             )
