@@ -14,7 +14,7 @@ from nena_shared.program import run
 
 GC_THRESHOLDS = (1_500, 10, 100)
 """An order creates thousands of objects that reference counting frees: with the default of 700, 10 and 10,
-the garbage collector took 8 % of its CPU, and held the event loop for 50 ms at a time."""
+the garbage collector took 1.1 of 15.5 s of CPU (profile), and held the event loop for 50 ms at a time."""
 
 
 def main() -> int:
