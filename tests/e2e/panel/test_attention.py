@@ -143,15 +143,23 @@ async def test_panel_rest_metrics_and_nena_status_agree(
 
 @pytest.mark.parametrize("width", [1280, 390])
 @pytest.mark.parametrize(
-    ("language", "count", "acknowledge", "label"),
+    ("language", "count", "acknowledge", "known", "label"),
     [
-        ("en-GB", "1 needs attention: Hit: Emergency stop", "Acknowledge", "Emergency stop"),
-        ("de-DE", "1 Eingriff nötig: Hit: Not-Halt", "Quittieren", "Not-Halt"),
-        ("nl-NL", "1 ingreep nodig: Hit: Noodstop", "Bevestigen", "Noodstop"),
+        ("en-GB", "1 needs attention", "Acknowledge", "1 acknowledged", "Emergency stop"),
+        ("de-DE", "1 Eingriff nötig", "Quittieren", "1 quittiert", "Not-Halt"),
+        ("nl-NL", "1 ingreep nodig", "Bevestigen", "1 bevestigd", "Noodstop"),
     ],
 )
 async def test_matter_is_shown_acknowledged_and_ends(
-    hall: Hall, browser: Browser, *, language: str, count: str, acknowledge: str, label: str, width: int
+    hall: Hall,
+    browser: Browser,
+    *,
+    language: str,
+    count: str,
+    acknowledge: str,
+    known: str,
+    label: str,
+    width: int,
 ) -> None:
     async with hall.connected():
         site = HallSite(hall)
@@ -161,7 +169,7 @@ async def test_matter_is_shown_acknowledged_and_ends(
             await expect(page).to_have_title("NeNa")
             site.robot("Hit", **emergency("MANUAL"))
             header = page.locator("nena-attention-button button")
-            await expect(header).to_have_text(count, timeout=5000)
+            await expect(header).to_have_text(f"{count}: Hit: {label}", timeout=5000)
             await expect(page).to_have_title("(1) NeNa")
             if width > 900:
                 await header.click()
@@ -176,6 +184,8 @@ async def test_matter_is_shown_acknowledged_and_ends(
             await expect(row).to_contain_text("Anna")
             await expect(button).to_have_count(0)
             await expect(page).to_have_title("NeNa")
+            await expect(header).to_have_text(f"{known}: Hit: {label}")
+            await expect(header).to_have_attribute("data-urgent", "")  # it has not ended
             site.robot("Hit")
             await expect(rows(page)).to_have_count(0)
 

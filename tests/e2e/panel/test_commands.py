@@ -456,8 +456,10 @@ async def test_order_is_held_and_resumed(
             chip, hold, resume = shown.locator(".chip"), button(page, "Hold"), button(page, "Resume")
             await expect(chip).to_have_text("In progress")
             await expect(resume).to_be_hidden()
+            await page.evaluate("localStorage.setItem('nena-person', 'Kim')")  # as entered for a stop before
             await hold.click()
             await expect(shown).to_contain_text("Order T-1 put on hold")
+            await expect(why).to_contain_text("Kim")
             await expect(chip).to_have_text("On hold")
             await expect(hold).to_be_hidden()
             await expect(why).to_contain_text("held at the control panel")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -52,6 +53,7 @@ async def test_a_template_is_created_run_changed_into_a_schedule_and_deleted(
         await page.get_by_role("link", name="Schedules").click()
         await page.get_by_role("button", name="New schedule or template").click()
         form = page.get_by_role("form", name="New schedule or template")
+        await expect(form.get_by_label("Name")).to_have_attribute("title", re.compile("no spaces"))
         await form.get_by_label("Name").fill("pallets")
         await pick_on_map(page, "Goods in")
         await expect(form.get_by_label("Place")).to_have_value("Goods in")

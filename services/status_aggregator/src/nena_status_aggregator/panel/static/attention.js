@@ -46,8 +46,8 @@ function linkOf({ kind, robot, subject }, store) {
 
 // The button that ends a matter at once, `[text, send]`; the others are ended on the page of their robot or order.
 const ENDS = {
-  path_locked: ({ subject }, plant) => ["place.unlock", async () => (await plant.lock(subject, false), ["done.unlocked", { name: subject }])],
-  order_held: ({ subject }) => ["order.resume", async () => (await command(["transportOrders", subject, "resume"], { reason: "resumed at the control panel" }), ["done.resumed", { name: subject }])],
+  path_locked: ({ subject }, { plant }) => ["place.unlock", async () => (await plant.lock(subject, false), ["done.unlocked", { name: subject }])],
+  order_held: ({ subject }, { person }) => ["order.resume", async () => (await command(["transportOrders", subject, "resume"], { by: person(), reason: "resumed at the control panel" }), ["done.resumed", { name: subject }])],
   robot_paused: ({ subject }) => ["command.resume", async () => outcome(await command(["vehicles", subject, "instantActions"], { actionType: "resume" }), "done.resume", { name: subject, action: t("command.resume") })],
   taken_out: ({ subject }) => ["attention.useAgain", async () => (await command(["vehicles", subject, "integrationLevel"], { integrationLevel: "TO_BE_UTILIZED" }, "PUT"), ["done.integration", { name: subject, level: t("integration.TO_BE_UTILIZED") }])],
 };
@@ -69,11 +69,12 @@ class AttentionButton extends HTMLElement {
 
   #update(store) {
     const open = store.attention.filter((each) => !each.acknowledged);
-    const [first] = open;
+    const [first] = open.length ? open : store.attention; // acknowledged is not ended
     document.title = open.length ? `(${open.length}) NeNa` : "NeNa";
     setAttribute(this.button, "data-urgent", first?.urgent ? "" : null);
     const what = first && [nameIn(first), labelOf(first, store)].filter(Boolean).join(": ");
-    setText(this.button, first ? plural("attention.count", open.length, { what }) : t("attention.none"));
+    const [text, count] = open.length ? ["attention.count", open.length] : ["attention.known", store.attention.length];
+    setText(this.button, first ? plural(text, count, { what }) : t("attention.none"));
   }
 }
 
@@ -187,7 +188,7 @@ class Attention extends HTMLElement {
   #buttons(matter) {
     const result = element("output", { class: "result", role: "status" });
     const made = [];
-    const end = !this.fleet.noCommands && ENDS[matter.kind]?.(matter, this.fleet.plant);
+    const end = !this.fleet.noCommands && ENDS[matter.kind]?.(matter, this.fleet);
     if (end) made.push(button(t(end[0]), ({ currentTarget }) => run(currentTarget, result, end[1])));
     if (!matter.acknowledged && this.session?.role !== "viewer") made.push(button(t("attention.acknowledge"), ({ currentTarget }) => this.#acknowledge(currentTarget, result, matter.id)));
     return element("div", { class: "actions" }, ...made, result);

@@ -5,6 +5,13 @@ import { button, element, field, foreign, numberInput, numberOf, refillSelect, s
 import { byName, t } from "./i18n.js";
 import { reasonElement } from "./reasons.js";
 
+const NO_ANSWER = 502; // of the order service, to the aggregator: it may have done the command
+
+/** The name of something new, as topics and addresses take it. */
+export function nameInput(attributes) {
+  return element("input", { type: "text", name: "name", pattern: "[A-Za-z0-9_:\\-][A-Za-z0-9_.:\\-]*", title: t("form.nameRule"), ...attributes });
+}
+
 /**
  * Create a form around `fields`. `send()` returns a promise of `[key, values, ...details]`: a text, and elements with
  * details, shown as the result. A second click while the first command is running has no effect.
@@ -50,7 +57,7 @@ export async function run(button, result, send) {
     emit("poseshow", null);
     return true;
   } catch (error) {
-    if (error instanceof RefusedError) show(result, "bad", t("command.refused"), [foreign("span", error.message)], error.errors);
+    if (error instanceof RefusedError && error.status !== NO_ANSWER) show(result, "bad", t("command.refused"), [foreign("span", error.message)], error.errors);
     else show(result, "bad", t("command.unanswered"));
     return false;
   } finally {

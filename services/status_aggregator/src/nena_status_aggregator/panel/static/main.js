@@ -6,6 +6,7 @@ import { EventLink, FleetStore, PlantStore } from "./fleet.js";
 import { unsentForm } from "./forms.js";
 import { chosenLanguage, t } from "./i18n.js";
 import { address, followView } from "./router.js";
+import { personOf } from "./stops.js";
 import "./divider.js";
 import "./attention.js";
 import "./fleet_commands.js";
@@ -20,7 +21,6 @@ import "./plant/plant_page.js";
 import "./reports_page.js";
 import "./robot_page.js";
 import "./schedules_page.js";
-import "./stops.js";
 import "./tables.js";
 
 document.documentElement.lang = chosenLanguage();
@@ -33,7 +33,7 @@ const link = new EventLink(store, "api/v1/events");
 const session = await getSession();
 const enabled = await commandsEnabled();
 const noCommands = enabled ? { viewer: "login.noCommands" }[session?.role] : "command.off";
-const fleet = { store, plant, link, enabled, noCommands };
+const fleet = { store, plant, link, enabled, noCommands, person: () => personOf(session) };
 const map = part("fleet-map");
 const views = { robots: part("robot-page"), orders: part("order-page"), newOrder: part("order-form"), places: part("place-page"), history: part("history-page"), reports: part("reports-page"), schedules: part("schedules-page"), plant: part("plant-page"), audit: part("audit-page") };
 const withoutId = ["history", "reports", "schedules", "plant", "audit"]; // views

@@ -85,7 +85,7 @@ export class OrderCommands {
   }
 
   async #ask(verb, done) {
-    await command(["transportOrders", this.name, verb], { reason: `${done} at the control panel` });
+    await command(["transportOrders", this.name, verb], { by: this.fleet.person(), reason: `${done} at the control panel` });
     return [`done.${done}`, { name: this.name }];
   }
 

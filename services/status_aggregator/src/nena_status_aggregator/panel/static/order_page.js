@@ -5,7 +5,7 @@ import { element, field, foreign, numberInput, numberOf, progressBar, refill, se
 import { details } from "./event_texts.js";
 import { causesOfOrder } from "./explanations.js";
 import { shownState, stopState } from "./fleet.js";
-import { commandForm, StopFields, vehicles } from "./forms.js";
+import { commandForm, nameInput, StopFields, vehicles } from "./forms.js";
 import { dateAndTime, fieldTime, has, number, t } from "./i18n.js";
 import { OrderCommands } from "./order_commands.js";
 import { nameOfHolder, worded } from "./reasons.js";
@@ -199,7 +199,7 @@ class OrderForm extends HTMLElement {
     this.vehicle.value = intendedVehicle;
     this.priority = numberInput({ name: "priority", value: priority, min: -1000, max: 1000, step: 1 });
     this.deadline = element("input", { type: "datetime-local", name: "deadline", value: deadline ? fieldTime(new Date(deadline)) : "" });
-    this.name = element("input", { type: "text", name: "name", value: name, maxlength: 100, pattern: "[A-Za-z0-9_:\\-][A-Za-z0-9_.:\\-]*" });
+    this.name = nameInput({ value: name, maxlength: 100 });
     const more = element(
       "div",
       { class: "fields" },

@@ -3,7 +3,7 @@
 import { command, fetchList, newKey, RefusedError } from "./api.js";
 import { whenInWords, WhenFields } from "./cron_words.js";
 import { button, element, field, foreign, numberInput, numberOf, select, verbatim } from "./dom.js";
-import { commandForm, run, StopFields, vehicles } from "./forms.js";
+import { commandForm, nameInput, run, StopFields, vehicles } from "./forms.js";
 import { byName, dateAndTime, number, t } from "./i18n.js";
 import { reasonElement } from "./reasons.js";
 import { address, backLink } from "./router.js";
@@ -110,7 +110,7 @@ class SchedulesPage extends HTMLElement {
     const { plant, store } = this.fleet;
     if (!plant.model) return this.note.replaceChildren(t("map.empty.title"));
     const { name: known, nextRuns, lastRuns, createdOrders, skippedRuns, ...kept } = schedule ?? { transportOrder: {} };
-    const name = element("input", { type: "text", name: "name", required: true, maxlength: 80, pattern: "[A-Za-z0-9_:\\-][A-Za-z0-9_.:\\-]*", value: known ?? "", readonly: known ? "" : null });
+    const name = nameInput({ required: true, maxlength: 80, value: known ?? "", readonly: known ? "" : null });
     const stops = new StopFields(plant, kept.transportOrder.destinations);
     const vehicle = select([["", t("orderForm.anyVehicle")], ...vehicles({ store, plant })], { name: "vehicle" });
     vehicle.value = kept.transportOrder.intendedVehicle ?? "";

@@ -18,6 +18,11 @@ export function personField(session) {
   return by;
 }
 
+/** Return the name of the person for a command that does not ask for it; undefined: that of the signed-in user, or none. */
+export function personOf(session) {
+  return session?.user ? undefined : (localStorage.getItem(KEY) ?? undefined);
+}
+
 /** Return what a stop is called: what it pauses, who began it and when. */
 export function nameOfStop({ area, by, since }) {
   return t(area ? "stops.area.paused" : "stops.all.paused", { by, time: timeOfDay(since) });
