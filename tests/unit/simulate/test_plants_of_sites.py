@@ -243,5 +243,5 @@ def test_a_run_without_finished_orders_has_an_exit_status_of_its_own(tmp_path: P
     result = CliRunner().invoke(app, [str(file), "--robots", "2", "--hours", "0.02", "--jobs", "1"])
 
     assert result.exit_code == 1
-    assert "with 2 robots, no order finished" in result.output
+    assert "no order finished with 2 robots" in result.output
     assert "stands on" in result.output
