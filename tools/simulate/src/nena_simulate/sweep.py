@@ -161,14 +161,15 @@ def observe_apart(case: Case) -> Observed | Exception:
     if not answer:
         message = f"the process ended with status {process.returncode}"
         raise ProcessLostError(message)
-    return cast("Observed | Exception", pickle.loads(answer))  # noqa: S301 - from our own process
+    result = pickle.loads(answer)  # noqa: S301  # nosec B301 - from our own process
+    return cast("Observed | Exception", result)
 
 
 def _observe_case_of_stdin() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     answers, sys.stdout = sys.stdout.buffer, sys.stderr  # whatever is printed is no answer
     log.configure(LogSettings(level="error"))
-    case = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the process that started this one
+    case = pickle.load(sys.stdin.buffer)  # noqa: S301  # nosec B301 - from the process that started this one
 
     def wait_for_end() -> None:
         os.read(sys.stdin.fileno(), 1)
