@@ -57,7 +57,10 @@ def test_several_seeds_give_a_mean_and_its_confidence_interval() -> None:
     assert not missing
     assert (found.orders_per_hour, found.runs, found.hours) == (110.0, 3, 3.0)
     assert found.intervals["orders_per_hour"] == pytest.approx(4.30 * 10 / 3**0.5, abs=0.01)
-    assert "110.0 ± 24.8" in Report((found,), (1, 2, 3)).to_text()
+    report = Report((found,), (1, 2, 3)).to_text()
+    assert report.startswith("two halls, seeds 1 to 3\n")
+    assert "110.0 ± 24.8" in report
+    assert Report((found,), (1, 5, 9)).to_text().startswith("two halls, seeds 1, 5, 9\n")
 
 
 def test_a_single_run_has_no_interval() -> None:

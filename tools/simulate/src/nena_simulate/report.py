@@ -190,8 +190,10 @@ class Report:
 
     @property
     def _seeds(self) -> str:
-        first, last = self.seeds[0], self.seeds[-1] + self.parts - 1
-        return f"seed {first}" if first == last else f"seeds {first} to {last}"
+        seeds = [seed + part for seed in self.seeds for part in range(self.parts)]
+        if seeds != list(range(seeds[0], seeds[-1] + 1)):
+            return f"seeds {', '.join(map(str, seeds))}"
+        return f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
 
 
 def _compared(plants: Mapping[str, Sequence[Figures]]) -> list[Row]:

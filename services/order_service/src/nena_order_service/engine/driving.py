@@ -156,7 +156,7 @@ class Pauses:
         return not self._orders.get(self._order_numbers[vehicle.name]).held and not self.why_paused(vehicle)
 
     def why_held(self, vehicle: FleetVehicle) -> Reason | None:
-        """Return who holds the order of a paused vehicle, and why; None if nobody does."""
+        """Return who put the order of a paused vehicle on hold, and why; None if it is not on hold."""
         order = self._orders.find(self._order_numbers.get(vehicle.name, -1))
         return why_held(order.status.held) if order and order.status.held else None
 

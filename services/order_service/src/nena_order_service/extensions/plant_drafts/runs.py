@@ -81,7 +81,7 @@ class Runs:
             raise PlantRunGoesOnError(str(self._last.program), self._last.draft, self._last.by)
         running, now = PlantRunState.RUNNING, self._core.clock.now()
         self._last = PlantRun(state=running, draft=name, program=request.program, began=now, by=caller)
-        self._task = asyncio.create_task(self._run(name, request))
+        self._task = asyncio.create_task(self._run(name, request), name="program on a draft")
         return self._last
 
     async def cancel(self, name: str) -> PlantRun:
