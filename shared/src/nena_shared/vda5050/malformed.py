@@ -89,6 +89,8 @@ def received_in(error: ValidationError, payload: bytes) -> str:
     if first["type"] == "missing":
         return ""
     if first["type"] == "json_invalid":
+        if b"\0" in payload[:4]:  # the first characters of JSON are ASCII
+            return "text in UTF-16 or UTF-32; JSON is sent in UTF-8"
         # what is wrong is before the place that the parser names
         line, column = map(int, _PLACE.findall(first["msg"])[0])
         lines = payload.split(b"\n")
