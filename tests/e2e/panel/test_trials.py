@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from playwright.async_api import Browser, expect
 
 from e2e.panel.test_plant import CANVAS, MODEL, SAVED, at, drag, drawing, drawn, site, tool
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.vda5050.topics import RobotKey
 from support.broker import Broker
 from support.drawn_maps import block, hall, write_map
 from support.panel import becomes, findings, picture
+from support.robot_maps import robot_map
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -32,10 +36,10 @@ async def test_a_plant_is_proposed_from_an_uploaded_map_checked_aligned_and_simu
     ):
         region = page.get_by_role("region", name="Map", exact=True)
         await region.get_by_label("The YAML file").set_input_files([yaml])
-        await region.get_by_role("button", name="Upload").click()
+        await region.get_by_role("button", name="Use this map").click()
         await expect(region).to_contain_text("Refused")
         await region.get_by_label("The YAML file").set_input_files([yaml, tmp_path / "shed.pgm"])
-        await region.get_by_role("button", name="Upload").click()
+        await region.get_by_role("button", name="Use this map").click()
         await expect(region).to_contain_text("The map shed lies under the plan.", timeout=PROGRAM)
         assert await page.evaluate(GRIDS) == ["shed"]
         await region.get_by_label("Distance between points in m").fill("2")
@@ -96,3 +100,50 @@ async def test_a_plant_is_proposed_from_an_uploaded_map_checked_aligned_and_simu
         await shown.scroll_into_view_if_needed()
         assert await findings(page) == []
         await picture(page, "plant-simulated")
+
+
+async def test_a_plant_is_proposed_from_the_live_map_of_a_robot_which_a_copy_keeps(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        site(broker, interface_name, tmp_path) as made,
+        drawing(browser, made, "live", "empty") as page,
+    ):
+        region = page.get_by_role("region", name="Map", exact=True)
+        source = region.get_by_label("Source of the map")
+        assert await source.locator("option").all_inner_texts() == ["files"]
+        seen = robot_map(
+            map_id="yard", x=-4.0, y=2.0, theta=0.5, resolution=0.05, width=240, height=140, unknown=60
+        )
+        topic = FleetTopics(made.fleet.prefix).robot_map(RobotKey("NeNa", "robot-01"))
+        made.fleet.peer().publish(topic, seen.model_dump_json(by_alias=True), retain=True)
+        await source.select_option(label="robot Robot-01")
+        await expect(region.get_by_label("The YAML file")).to_be_hidden()
+        await region.get_by_role("button", name="Use this map").click()
+        await expect(region).to_contain_text("The map yard lies under the plan.", timeout=PROGRAM)
+        await region.get_by_role("button", name="Propose a plant").click()
+        await expect(region).to_contain_text("The proposal has replaced the drawing", timeout=PROGRAM)
+        points = (await drawn(page))["points"]
+        assert {each["properties"]["vda5050:mapId"] for each in points} == {"yard"}
+        right, up = np.array([(each["xMm"] / 1000 + 4, each["yMm"] / 1000 - 2) for each in points]).T
+        along, away = np.cos(0.5) * right + np.sin(0.5) * up, np.cos(0.5) * up - np.sin(0.5) * right
+        assert 0 < along.min() < along.max() < 9, "where the robot has not been is not free"
+        assert (0 < away.min() < 2, 5 < away.max() < 7) == (True, True)
+        await expect(page.locator(SAVED)).to_be_visible()
+        # a reload is the same session, of which nobody needs to hear
+        async with page.expect_response(lambda answer: "session=" in answer.url) as looked:
+            await page.reload()
+        assert (await (await looked.value).json())["editors"] == []
+        await expect(page.locator(CANVAS)).to_be_visible()
+        # what is kept as another draft has the map, too
+        await page.route("**/api/v1/control/plantDrafts/live?*", lambda route: route.abort())
+        stored = await made.draft("live")
+        body = {"version": stored["version"], "model": {**stored["model"], "name": "theirs"}}
+        assert (await made.orders.put("/v1/plantDrafts/live", json=body)).status_code == 200
+        await page.locator(CANVAS).focus()
+        await page.keyboard.press("p")
+        await page.get_by_role("button", name="Save mine as another draft").click()
+        await expect(page.get_by_role("heading", name="live, mine")).to_be_visible()
+        await becomes(page, GRIDS, None, lambda names: names == ["yard"])
+        assert await findings(page) == []
+        await picture(page, "plant-live-map")

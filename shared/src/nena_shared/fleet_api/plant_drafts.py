@@ -39,6 +39,8 @@ class PlantDraftRequest(Request):
     """A file in any format that NeNa reads; it must have no errors."""
     from_version: Annotated[int, Field(ge=0)] | None = None
     """Number of a version of the plant; 0: the active plant."""
+    map_of: DraftName | None = None
+    """Another draft, whose map a new draft keeps, too."""
 
     @model_validator(mode="after")
     def _has_one_source(self) -> Self:

@@ -73,9 +73,12 @@ async def test_a_map_is_kept_with_the_draft_and_becomes_a_plant(
     assert "new.json written" in proposed["texts"][0]
     await site.save(model=proposed["model"], version=1)
     assert [each["code"] for each in (await done(site, "CHECK", robotWidth=0.5))["findings"]] == []
+    await site.save("mine", model=LINE, mapOf="aisle")
+    await site.save("mine", model=proposed["model"], version=1, mapOf="other")
     await site.call("DELETE", "/v1/plantDrafts/aisle")
-    await site.save(model=LINE)
+    await site.save(model=LINE, mapOf="gone")
     assert (await site.call("GET", "/v1/plantDrafts/aisle/map"))["map"] is None, "gone with its draft"
+    assert (await site.call("GET", "/v1/plantDrafts/mine/map"))["map"] == kept
 
 
 async def failed(site: Site, program: str, **fields: Any) -> str:

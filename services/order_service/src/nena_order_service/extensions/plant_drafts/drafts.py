@@ -134,7 +134,10 @@ class Drafts:
                 paths=len(model.paths),
                 locations=len(model.locations),
             )
-            await self._commit(name, status, text)
+            map_of = request.map_of if request.version is None else None
+            await self._commit(
+                name, status, text, map_of and await self._core.store.document(DRAFT_MAP, map_of)
+            )
         return SavedPlantDraft(**dict(status), findings=findings), request.version is None
 
     async def _is_repeated(self, name: str, version: int | None, text: str) -> bool:
@@ -248,11 +251,13 @@ class Drafts:
             model = await asyncio.to_thread(_refused_if_invalid, lambda: PlantModel.model_validate(content))
         return model, await asyncio.to_thread(find_findings, model)
 
-    async def _commit(self, name: str, status: PlantDraftStatus | None, text: str | None) -> None:
+    async def _commit(
+        self, name: str, status: PlantDraftStatus | None, text: str | None, robot_map: str | None = None
+    ) -> None:
         document = status.model_dump_json(by_alias=True) if status else None
         changes = Changes(documents={(DRAFT, name): document, (DRAFT_MODEL, name): text})
-        if status is None:
-            changes.documents[DRAFT_MAP, name] = None
+        if status is None or robot_map is not None:
+            changes.documents[DRAFT_MAP, name] = robot_map
 
         def show() -> None:
             if status:

@@ -45,7 +45,9 @@ MEMORY: Final = 4 * 1024**3
 NICENESS: Final = 10
 """The fleet goes first."""
 TEXT_SHOWN: Final = 2000
-NO_MAP: Final = "The draft has no map. Upload the YAML file and the image that map_saver wrote."
+NO_MAP: Final = (
+    "The draft has no map. Upload the YAML file and the image that map_saver wrote, or take a robot's."
+)
 NEEDED: Final = dict.fromkeys(PlantProgram, ("nena_cli", "skimage")) | {
     PlantProgram.SIMULATE: ("nena_simulate",)
 }

@@ -110,10 +110,10 @@ function optionOrGroup(each) {
   return element("optgroup", { label: each.group }, ...each.options.map(optionOrGroup));
 }
 
-/** Replace the options of a select; keeps the selection if it still exists. */
+/** Replace the options of a select if they have changed; keeps the selection if it still exists. */
 export function refillSelect(control, options) {
   const chosen = control.value;
-  control.replaceChildren(...options.map(optionOrGroup));
+  refill(control, options, () => options.map(optionOrGroup));
   if ([...control.options].some((option) => option.value === chosen)) control.value = chosen;
 }
 

@@ -25,15 +25,8 @@ export class Grids extends EventTarget {
   }
 
   async #load(id, digest) {
-    const [manufacturer, serial] = split(id).map(encodeURIComponent);
-    const image = new Image();
-    image.src = `api/v1/robots/${manufacturer}/${serial}/map?${digest}`;
-    try {
-      await image.decode();
-    } catch {
-      setTimeout(() => this.#retry(digest), RETRY);
-      return;
-    }
+    const image = await loadMap(id, digest).catch(() => null);
+    if (!image) return setTimeout(() => this.#retry(digest), RETRY);
     if (this.#images.has(digest)) this.#images.set(digest, image);
     this.dispatchEvent(new Event("change"));
   }
@@ -45,9 +38,13 @@ export class Grids extends EventTarget {
   }
 }
 
-function split(id) {
+/** Load the picture of a robot's map: black, the surer an obstacle the more opaque. */
+export async function loadMap(id, digest) {
   const at = id.indexOf("/");
-  return [id.slice(0, at), id.slice(at + 1)];
+  const image = new Image();
+  image.src = `api/v1/robots/${[id.slice(0, at), id.slice(at + 1)].map(encodeURIComponent).join("/")}/map?${digest}`;
+  await image.decode();
+  return image;
 }
 
 /** Return the image in one colour, with its opacity unchanged. */

@@ -275,7 +275,7 @@ class PlantPage extends HTMLElement {
     const result = element("output", { class: "result", role: "status" });
     const again = button(t("plant.openTheirs"), () => this.open(""));
     const name = t("plant.copyName", { name: this.name.slice(0, 40), time: now() });
-    const copy = button(t("plant.saveMine"), () => run(copy, result, () => this.#create(name, { model: this.history.present })));
+    const copy = button(t("plant.saveMine"), () => run(copy, result, () => this.#create(name, { model: this.history.present, mapOf: this.name })));
     const actions = { conflict: [again, copy], gone: [copy], refused: [] }[state];
     const errors = error.errors.map((each) => foreign("li", each));
     this.conflict.replaceChildren(element("section", {}, foreign("p", error.message), element("ul", {}, ...errors), element("div", { class: "actions" }, ...actions), result));
@@ -315,9 +315,8 @@ class PlantPage extends HTMLElement {
     this.canvas.robots = robots;
     this.canvas.grids = this.trials.map ? [this.trials.map] : this.#grids.of(this.fleet.store.robots.values(), null);
     this.canvas.draw();
-    const options = robots.map(({ id, name }) => [id, name, true]);
-    if (this.robot.shown !== JSON.stringify(options)) refillSelect(this.robot, options);
-    this.robot.shown = JSON.stringify(options);
+    refillSelect(this.robot, robots.map(({ id, name }) => [id, name, true]));
+    this.trials.offer([...this.fleet.store.robots.values()].filter(({ grid }) => grid));
     this.here.disabled = !robots.length;
     this.#showVehicles();
   }

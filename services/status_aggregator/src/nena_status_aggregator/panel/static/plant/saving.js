@@ -6,6 +6,12 @@ const SOON = 600; // ms after a change
 const AGAIN = 2000; // ms after a save without an answer
 const EVERY = 4000; // ms
 
+// This page is one session, also after a reload; a duplicated tab is another one.
+const KEY = "nena.session";
+const session = sessionStorage.getItem(KEY) ?? newKey();
+sessionStorage.removeItem(KEY);
+addEventListener("pagehide", () => sessionStorage.setItem(KEY, session));
+
 /**
  * Keeps a draft on the server. Fires `state` (`saved`, `saving`, `unsaved`, `conflict`, `refused` or `gone`; `error` says why),
  * `findings`, `editors`, and `theirs` with the model that somebody else has saved. `busy()`: nothing may be taken over now.
@@ -15,7 +21,6 @@ export class DraftSaver extends EventTarget {
   findings = [];
   editors = [];
   state = "saved";
-  #session = newKey();
   #wanted = null; // the model that is not saved yet
   #sending = null;
   #running = null;
@@ -89,7 +94,7 @@ export class DraftSaver extends EventTarget {
   }
 
   async #look() {
-    const parameters = [["session", this.#session], ["known", this.version]];
+    const parameters = [["session", session], ["known", this.version]];
     const draft = await askWith(["plantDrafts", this.name], parameters).catch(() => null);
     if (!draft) return;
     this.editors = draft.editors;

@@ -1,19 +1,22 @@
 // Programs that the order service runs on a draft: its robot's map, a proposal from it, the clearance of paths, a simulation.
 
 import { ask, command, RefusedError } from "../api.js";
-import { button, element, field, foreign, numberInput, numberOf } from "../dom.js";
+import { button, element, field, foreign, numberInput, numberOf, refillSelect, select } from "../dom.js";
 import { commandForm, run } from "../forms.js";
-import { duration, number, t } from "../i18n.js";
+import { byName, duration, number, t } from "../i18n.js";
+import { loadMap } from "../map/grids.js";
 import { turned } from "./model.js";
 
 const SOON = 1000; // ms, between two looks at a program
 const CLOSE = "PATH_TOO_CLOSE";
+const SURE = 0.15; // a cell of a robot's map may be occupied with this probability; what is unknown is drawn a little darker
 const PLACES = 4; // two pairs: in the plan, on the map
 
 /** Sections of the Plant page for one draft. Fires `findings` and `map`. */
 export class Trials extends EventTarget {
   findings = [];
   map = null; // {grid, image}, as the robots' maps
+  #robots = new Map(); // by id, with a map
   #checked = null; // what the clearance was checked for
   #due = false; // whether the draft has changed since
   #waiting = 0; // programs that have not ended
@@ -79,7 +82,12 @@ export class Trials extends EventTarget {
 
   #mapSection() {
     const files = element("input", { type: "file", multiple: true, required: true, accept: ".yaml,.yml,.pgm,.png,.bmp" });
-    const upload = commandForm({ label: t("plant.map"), submit: t("plant.upload"), fields: [field(t("plant.mapFiles"), files)], send: () => this.#upload([...files.files]) });
+    const filesField = field(t("plant.mapFiles"), files);
+    this.source = select([]);
+    this.source.addEventListener("change", () => (filesField.hidden = files.disabled = this.source.value !== ""));
+    this.offer([]);
+    const send = async () => this.#keep(await (this.source.value ? mapOf(this.#robots.get(this.source.value)) : mapIn([...files.files])));
+    const upload = commandForm({ label: t("plant.map"), submit: t("plant.takeMap"), fields: [element("div", { class: "fields" }, field(t("plant.mapSource"), this.source), filesField)], send });
     const size = (key, value, attributes) => [key, numberInput({ value, step: 0.05, required: true, ...attributes })];
     const inputs = Object.fromEntries([size("robotWidth", 0.6, { min: 0.05, max: 10 }), size("robotLength", 0.8, { min: 0.05, max: 10 }), size("clearance", 0.1, { min: 0, max: 5 }), size("spacing", 3, { min: 0.5, max: 20 })]);
     const robot = () => Object.fromEntries(Object.entries(inputs).map(([key, input]) => [key, numberOf(input)]));
@@ -90,14 +98,17 @@ export class Trials extends EventTarget {
     return element("section", { "aria-label": t("plant.map") }, element("h3", {}, t("plant.map")), upload, work);
   }
 
-  async #upload(files) {
-    const sheet = files.find(({ name }) => /\.ya?ml$/i.test(name));
-    const image = files.find((file) => file !== sheet);
-    if (!sheet || !image) throw new RefusedError({ detail: t("plant.mapFiles") });
-    const name = sheet.name.replace(/\.ya?ml$/i, "");
-    await this.#run({ program: "MAP", map: { name, yaml: await sheet.text(), image: await base64(image) } });
+  /** Offer the maps of robots beside the upload. */
+  offer(robots) {
+    this.#robots = new Map(robots.map((robot) => [robot.id, robot]));
+    const names = robots.map(({ id, vehicle }) => [id, t("plant.mapOf", { robot: vehicle?.name ?? id })]);
+    refillSelect(this.source, [["", t("plant.ofFiles")], ...names.sort((a, b) => byName(a[1], b[1]))]);
+  }
+
+  async #keep(map) {
+    await this.#run({ program: "MAP", map });
     await this.#loadMap();
-    return ["plant.mapKept", { name }];
+    return ["plant.mapKept", { name: map.name }];
   }
 
   async #loadMap() {
@@ -186,6 +197,26 @@ export class Trials extends EventTarget {
     this.page.canvas.waiting = shown ? null : new Map(Object.entries(waitingByPlace).map(([name, minutes]) => [name, { share: Math.sqrt(minutes / most) }]));
     this.page.canvas.draw();
   }
+}
+
+// A map as it is uploaded: of the files that map_saver wrote.
+async function mapIn(files) {
+  const sheet = files.find(({ name }) => /\.ya?ml$/i.test(name));
+  const image = files.find((file) => file !== sheet);
+  if (!sheet || !image) throw new RefusedError({ detail: t("plant.mapFiles") });
+  return { name: sheet.name.replace(/\.ya?ml$/i, ""), yaml: await sheet.text(), image: await base64(image) };
+}
+
+// The same of a robot's map, which is drawn on white as map_saver would.
+async function mapOf({ id, grid }) {
+  const { mapId: name, digest, resolution, x, y, theta } = grid;
+  const sheet = new OffscreenCanvas(grid.width, grid.height);
+  const context = sheet.getContext("2d", { alpha: false });
+  context.fillStyle = "white";
+  context.fillRect(0, 0, grid.width, grid.height);
+  context.drawImage(await loadMap(id, digest), 0, 0);
+  const yaml = `{mode: scale, free_thresh: ${SURE}, resolution: ${resolution}, origin: [${x}, ${y}, ${theta}], image: ""}`;
+  return { name, yaml, image: await base64(await sheet.convertToBlob()) };
 }
 
 function base64(file) {
