@@ -26,8 +26,9 @@ from support.pausing import time_passes
 
 Message = dict[str, Any]
 TICK = 0.02
-RESEND_AFTER = 0.25
-SENDINGS = 4
+RESEND_AFTER = 0.5
+SENDINGS = 20
+"""How often it sends an order that no state shows: for longer than a busy broker is silent."""
 ORDER_INTERVAL = 0.1
 
 

@@ -18,9 +18,10 @@ from nena_conversations.broker import BrokerAddress
 from nena_conversations.kit.clause import Outcome, Verdict
 from nena_conversations.kit.fleet_clauses import FLEET_CLAUSES
 from nena_conversations.kit.fleet_run import PlayedSetup, judge_fleet
+from nena_conversations.kit.played_robot import PlayedRobot
 from nena_conversations.recording import read_file
 from nena_shared.settings import MqttSettings
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.state import OperatingMode, State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import codec_for
 from support.broker import Broker
@@ -87,6 +88,23 @@ async def test_an_honest_fleet_control_passes_all_clauses_in_each_version(broker
         assert len(passed) >= 65, {
             each.id: each.reason for each in verdicts.values() if each.outcome is not Outcome.PASSED
         }
+
+
+async def test_a_broker_that_holds_messages_back_fails_no_clause(
+    broker: Broker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    set_mode = PlayedRobot.set_mode
+
+    def held_back(player: PlayedRobot, mode: OperatingMode) -> None:
+        broker.freeze()
+        asyncio.get_running_loop().call_later(2 * WATCH, broker.thaw)
+        set_mode(player, mode)
+
+    monkeypatch.setattr(PlayedRobot, "set_mode", held_back)
+    try:
+        assert failed(await judged(broker, ("mode/manual", "mode/service", "mode/automatic"))) == {}
+    finally:
+        broker.thaw()
 
 
 def writing(topic: Topic, edit: Callable[[Message], object]) -> type[SmallFleet]:

@@ -18,12 +18,13 @@ from nena_conversations.recording import Entry
 from nena_conversations.rules import Rule
 from nena_shared.mqtt import Inbound, MqttLink
 from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.order import Order
-from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.state import OperatingMode, State
 from nena_shared.vda5050.topics import RobotKey, Topic
 
 RACED: Final = frozenset({Rule.MODE, Rule.OFFLINE})
-"""Rules that a message may break because it crossed the robot's change."""
+"""Rules that a message may break because it crossed the robot's message of a change."""
 ATTEMPTS: Final = 3
 """How often an order with a drive is asked for: one to where the robot stands has none."""
 OBSERVED_QOS: Final = 2
@@ -68,6 +69,11 @@ class FleetSession(Listener):
         self.counts: Counter[tuple[RobotKey, Topic]] = Counter()
         self.updates: Counter[RobotKey] = Counter()
         self.highest_qos: dict[tuple[RobotKey, Topic], int] = {}
+        self._heard: dict[tuple[RobotKey, Topic], bytes] = {}
+        """What came last from the broker."""
+        self._situations: dict[tuple[RobotKey, Topic], OperatingMode | ConnectionState] = {}
+        self._changed_at: dict[RobotKey, float] = {}
+        """When a robot's mode or connection was last heard to have changed, monotonic, s."""
         self._ask = ask
         for player in players:
             for topic in player.codec.kinds:
@@ -79,13 +85,18 @@ class FleetSession(Listener):
         received, findings = self.hear(inbound)
         now = monotonic()
         for each in findings:
-            player = self.players.get(each.robot)
-            if each.rule not in RACED or player is None or now - player.changed_at > self.reaction:
+            changed_at = self._changed_at.get(each.robot)
+            if each.rule not in RACED or changed_at is None or now - changed_at > self.reaction:
                 self.findings.append(each)
         if received is None:
             return
         of = received.robot, received.topic
         self.counts[of] += 1
+        self._heard[of] = inbound.payload
+        match received.message:
+            case State(operating_mode=now_in) | Connection(connection_state=now_in):
+                if self._situations.get(of) is not now_in:
+                    self._situations[of], self._changed_at[received.robot] = now_in, now
         if not inbound.retained:
             self.highest_qos[of] = max(self.highest_qos.get(of, 0), inbound.qos)
         if isinstance(received.message, Order) and received.message.order_update_id:
@@ -181,7 +192,17 @@ class FleetSession(Listener):
 
     async def settle(self) -> None:
         """Give fleet control the time to notice a change."""
+        await self.delivered()
         await asyncio.sleep(self.watch / 2)
+
+    async def delivered(self) -> None:
+        """Wait until the broker delivers a state that the robot sends now, and thus what it held back."""
+        self.player.report(again=True)
+        sent, robot = self.player.sent, self.player.robot.key
+        await self.came_true(
+            lambda: all(self._heard.get((robot, topic)) == payload for topic, payload in sent.items()),
+            self.answer_within,
+        )
 
     def sent_since(self, first: int) -> list[Order]:
         """Return the orders and updates to the robot after the first so many."""
@@ -224,5 +245,7 @@ class FleetSession(Listener):
         return False
 
     async def more_orders(self, count: int, within: float) -> bool:
-        """Return whether the robot gets an order after the first ``count`` in time."""
-        return await self.came_true(lambda: len(self.player.orders) > count, within)
+        """Return whether the robot gets an order after the first ``count`` that is sent in time."""
+        if not await self.came_true(lambda: len(self.player.orders) > count, within):
+            await self.delivered()
+        return len(self.player.orders) > count

@@ -41,8 +41,8 @@ class PlayedRobot:
         self.orders: list[tuple[float, Order]] = []
         """All readable orders and updates that arrived, with the time (monotonic, s); also unheard ones."""
         self.instants: list[tuple[float, Action]] = []
-        self.changed_at = 0.0
-        """Time of the last change that fleet control could not foresee, monotonic, s."""
+        self.sent: dict[Topic, bytes] = {}
+        """What it sent last on each topic."""
         self.away = False
         """Whether it has left the fleet."""
         self._pace = pace
@@ -89,23 +89,23 @@ class PlayedRobot:
                 self.robot.step()
             self.report()
 
-    def report(self) -> None:
-        """Send a state if something has changed, or none was sent for long."""
+    def report(self, *, again: bool = False) -> None:
+        """Send a state if something has changed, or none was sent for long; ``again``: in any case."""
         if self.away or not self.link.state.connected:
             return
         state = self.robot.state(0.0)
         content = self.link.state.connects, state.model_copy(update={"header_id": 0})
-        if content == self._last and monotonic() - self._reported_at < SILENT_FOR:
+        if content == self._last and not again and monotonic() - self._reported_at < SILENT_FOR:
             self.robot.header_id -= 1  # not sent
             return
         self._last, self._reported_at = content, monotonic()
         written = from_json(self._written(state))
         self.dialect(written)
-        self.link.publish(Outbound(self._topic(Topic.STATE), to_json(written), qos=0, keep=False))
+        self.sent[Topic.STATE] = to_json(written)
+        self.link.publish(Outbound(self._topic(Topic.STATE), self.sent[Topic.STATE], qos=0, keep=False))
 
     def set_mode(self, mode: OperatingMode) -> None:
         """Switch the mode, as a person does."""
-        self.changed_at = monotonic()
         self.robot.set_mode(mode)
         self.report()
 
@@ -119,16 +119,16 @@ class PlayedRobot:
 
     def restart(self) -> None:
         """Lose the order and all else, as in a restart, where it stands."""
-        self.changed_at = monotonic()
         self.robot.restart(journal=False)
         self.robot.errors.clear()
         self.link.cut(self._pace)
 
     def leave(self) -> None:
         """Leave the fleet: OFFLINE, and no states."""
-        self.changed_at = monotonic()
         self.away = self.deaf = True
-        self.link.publish(self._connection(ConnectionState.OFFLINE))
+        message = self._connection(ConnectionState.OFFLINE)
+        self.sent[Topic.CONNECTION] = message.payload
+        self.link.publish(message)
 
     def come_back(self) -> None:
         """Return to the fleet, if it has left."""
@@ -140,7 +140,6 @@ class PlayedRobot:
 
     def lose_link(self, seconds: float) -> None:
         """Lose the connection for some time; the broker sends the will."""
-        self.changed_at = monotonic() + seconds
         self.link.cut(seconds)
 
     def cleared(self, topic: Topic) -> Outbound:
@@ -162,7 +161,9 @@ class PlayedRobot:
 
     def _greeting(self) -> Iterator[Outbound]:
         state = ConnectionState.OFFLINE if self.away else ConnectionState.ONLINE
-        yield self._connection(state)
+        message = self._connection(state)
+        self.sent[Topic.CONNECTION] = message.payload
+        yield message
         yield self._factsheet()
 
     def _on_order(self, inbound: Inbound) -> None:
