@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from nena_cli import audit
 from nena_client import Client
+from nena_client.exchange import params_of
 from nena_shared.fleet_api.audit import GENESIS, AuditEntry, AuditMark, AuditPage, hash_after
 from nena_shared.fleet_api.operations import Operation
 
@@ -52,7 +53,7 @@ class Served:
         self.queries: list[dict[str, Any]] = []
 
     def pages(self, _operation: Operation[Any], query: dict[str, Any]) -> Iterator[AuditPage]:
-        self.queries.append(query)
+        self.queries.append(params_of(query))
         rows = self.rows if query.get("oldestFirst") else self.rows[::-1]
         for start in range(0, len(rows), 2):
             following = str(start) if start + 2 < len(rows) else None

@@ -102,7 +102,7 @@ def test_a_recording_is_requested_by_an_instant_action(monkeypatch: pytest.Monke
 def test_without_a_vehicle_the_order_service_records(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
 
-    def call(_: Client, operation: Operation[Any]) -> RecordingAnswer:
+    def call(_: Client, operation: Operation[Any], _name: str) -> RecordingAnswer:
         asked.append(operation.name)
         return RecordingAnswer(robot="nena/order-service", name=NAME, sent=True)
 

@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
 from dataclasses import replace
+from datetime import datetime
 from itertools import chain, islice
 from typing import Any
 
@@ -183,6 +184,12 @@ def test_a_creation_gets_a_key_and_keeps_the_one_it_has() -> None:
     assert made.arguments["json"]["idempotencyKey"]
     keyed = Call.of(CREATE_ORDER, "", ORDER.model_copy(update={"idempotency_key": "WMS-7"}), {})
     assert keyed.arguments["json"]["idempotencyKey"] == "WMS-7"
+
+
+def test_a_query_has_what_is_stated_and_times_with_their_zone() -> None:
+    since = datetime(2026, 1, 31, 10)  # noqa: DTZ001 - local
+    made = Call.of(LIST_ORDERS, "", None, {"query": {"since": since, "intendedVehicle": None, "limit": 3}})
+    assert made.arguments["params"] == {"since": since.astimezone().isoformat(), "limit": 3}
 
 
 def test_each_order_of_a_batch_gets_a_key() -> None:

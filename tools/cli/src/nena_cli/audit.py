@@ -12,6 +12,7 @@ from nena_cli import tables
 from nena_cli.options import Format, group
 from nena_cli.output import REFUSED, fail, print_json
 from nena_cli.service import Service, of_service
+from nena_client.exchange import Query
 from nena_shared.fleet_api.audit import AuditEntry, AuditMark, AuditResult, ChainCheck
 from nena_shared.fleet_api.operations.fleet import LIST_AUDIT
 
@@ -45,15 +46,14 @@ def list_(
     limit: Limit = 100,
 ) -> None:
     """List who changed what, newest first."""
-    given = {
+    query: Query = {
         "user": user,
         "operation": operation,
         "object": object_,
-        "result": result.value if result else None,
-        "since": since.astimezone().isoformat() if since else None,
-        "until": until.astimezone().isoformat() if until else None,
+        "result": result,
+        "since": since,
+        "until": until,
     }
-    query = {name: value for name, value in given.items() if value is not None}
     found: list[AuditEntry] = []
     with service.connected() as connection:
         for page in connection.pages(LIST_AUDIT, {**query, "limit": min(limit, PAGE)}):

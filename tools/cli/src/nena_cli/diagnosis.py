@@ -268,9 +268,9 @@ def _reason_of(matter: Matter) -> str:
 def _explanation_tables(found: Explanation) -> tuple[Table, ...]:
     steps = Table(frame=False)
     for depth, each in enumerate(found.steps):
-        steps.add_row(Text("  " * depth + each.name), _styled_state(each.state), Text(each.reason))
+        steps.add_row("  " * depth + each.name, _styled_state(each.state), each.reason)
     if found.advice:
-        steps.add_row(Text("what to do", style="dim"), Text(""), Text(found.advice))
+        steps.add_row(Text("what to do", style="dim"), "", found.advice)
     return (steps,)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection
 from datetime import datetime
 from getpass import getuser
 from itertools import islice
@@ -20,6 +20,7 @@ from nena_cli.output import REFUSED, echo, fail
 from nena_cli.service import Service, of_service, order_names
 from nena_cli.watching import Board, watch
 from nena_client import Client
+from nena_client.exchange import Query
 from nena_shared.findings import FINDINGS_SHOWN
 from nena_shared.fleet_api.operations.operation import Operation
 from nena_shared.fleet_api.operations.orders import (
@@ -169,13 +170,9 @@ def list_(
 ) -> None:
     """List transport orders, newest first; with --json one line each."""
     with service.connected() as connection:
-        query: dict[str, str | int | Sequence[str]] = {"state": [each.value for each in state or ()]}
-        if vehicle is not None:
-            query["intendedVehicle"] = vehicle
-        for name, moment in (("since", since), ("until", until)):
-            if moment is not None:
-                query[name] = moment.astimezone().isoformat()
-        found = tuple(islice(_list_orders(connection, query), limit))
+        query: Query = {"state": state, "intendedVehicle": vehicle, "since": since, "until": until}
+        pages = connection.pages(LIST_ORDERS, query)
+        found = tuple(islice((each for page in pages for each in page.transport_orders), limit))
         if vehicle is not None and not found:
             connection.call(SHOW_VEHICLE, vehicle)  # an unknown one is an error
         _print_orders(service, *found)
@@ -206,7 +203,7 @@ def watch_(
             return
         if vehicle is not None:
             connection.call(SHOW_VEHICLE, vehicle)  # an unknown one is an error
-        query = {"kind": "transportOrder", **({"vehicle": vehicle} if vehicle else {})}
+        query: Query = {"kind": "transportOrder", "vehicle": vehicle}
         for _ in watch(connection, _make_board(), query, service.output):
             pass
 
@@ -312,8 +309,7 @@ def _send_change(
     version: int | None,
 ) -> None:
     headers = {} if version is None else {"If-Match": f'"{version}"'}
-    with service.connected() as connection:
-        _print_orders(service, connection.call(operation, name, body=body, headers=headers))
+    _print_orders(service, service.call(operation, name, body=body, headers=headers))
 
 
 def _build_request(
@@ -347,19 +343,12 @@ def _watch_one(service: Service, connection: Client, name: str) -> None:
     if order.state.final:
         _print_orders(service, order)
     else:
-        query = {"kind": "transportOrder", "transportOrder": name}
+        query: Query = {"kind": "transportOrder", "transportOrder": name}
         changes = watch(connection, _make_board(), query, service.output)
         order = next(change for change in changes if change.state.final)
         changes.close()
     if order.state is not TransportOrderState.FINISHED:
         fail(f"{order.name} is {order.state}: {order.reason}", REFUSED)
-
-
-def _list_orders(
-    connection: Client, query: dict[str, str | int | Sequence[str]]
-) -> Iterator[TransportOrderStatus]:
-    for page in connection.pages(LIST_ORDERS, query):
-        yield from page.transport_orders
 
 
 def _print_orders(service: Service, *orders: TransportOrderStatus) -> None:

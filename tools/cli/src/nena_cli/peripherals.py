@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
+from pydantic import JsonValue
 
 from nena_cli import tables
 from nena_cli.options import group
 from nena_cli.service import Service, of_service
 from nena_shared.fleet_api.operations.peripherals import CREATE_JOB, LIST_JOBS, LIST_PERIPHERALS, WITHDRAW_JOB
-from nena_shared.fleet_api.peripherals import PeripheralJobRequest
 
 app = group()
 
@@ -19,18 +19,14 @@ app = group()
 @of_service
 def list_(service: Service) -> None:
     """List the peripheral devices."""
-    with service.connected() as connection:
-        found = connection.call(LIST_PERIPHERALS)
-    service.print_all(found.peripherals, tables.peripherals_table)
+    service.print_all(service.call(LIST_PERIPHERALS).peripherals, tables.peripherals_table)
 
 
 @app.command()
 @of_service
 def jobs(service: Service) -> None:
     """List the unfinished jobs and the last ended ones, newest first."""
-    with service.connected() as connection:
-        found = connection.call(LIST_JOBS)
-    service.print_all(found.peripheral_jobs, tables.peripheral_jobs_table)
+    service.print_all(service.call(LIST_JOBS).peripheral_jobs, tables.peripheral_jobs_table)
 
 
 @app.command()
@@ -44,11 +40,12 @@ def run(
     ] = "nena",
 ) -> None:
     """Create a job; it waits while a vehicle uses the device."""
-    request = PeripheralJobRequest(location=location, operation=operation, reservation_token=reservation)
-    body = request.model_dump(mode="json", by_alias=True, exclude_none=True)
-    with service.connected() as connection:
-        job = connection.call(CREATE_JOB, body=body)
-    service.print_all((job,), tables.peripheral_jobs_table)
+    body: dict[str, JsonValue] = {
+        "location": location,
+        "operation": operation,
+        "reservationToken": reservation,
+    }
+    service.print_all((service.call(CREATE_JOB, body=body),), tables.peripheral_jobs_table)
 
 
 @app.command()
@@ -57,6 +54,4 @@ def withdraw(
     service: Service, job: Annotated[str, typer.Argument(help="Name of the peripheral job.")]
 ) -> None:
     """Withdraw a job; a vehicle that requires it fails its drive."""
-    with service.connected() as connection:
-        done = connection.call(WITHDRAW_JOB, job, body={})
-    service.print_all((done,), tables.peripheral_jobs_table)
+    service.print_all((service.call(WITHDRAW_JOB, job, body={}),), tables.peripheral_jobs_table)

@@ -72,7 +72,7 @@ def list_points(
     ] = None,
 ) -> None:
     """List the points, with the vehicles that stand there or for which they are reserved."""
-    query = _without_none(type=[each.value for each in type_ or ()], mapId=map_id, vehicle=vehicle)
+    query: Query = {"type": type_, "mapId": map_id, "vehicle": vehicle}
     with service.connected() as connection:
         found = [each for page in connection.pages(LIST_POINTS, query) for each in page.points]
     service.print_all(found, tables.points_table)
@@ -82,9 +82,7 @@ def list_points(
 @of_service
 def show_point(service: Service, name: PointName) -> None:
     """Show a point, and the vehicles that stand there or for which it is reserved."""
-    with service.connected() as connection:
-        point = connection.call(SHOW_POINT, name)
-    service.print_all((point,), tables.points_table)
+    service.print_all((service.call(SHOW_POINT, name),), tables.points_table)
 
 
 @paths.command("list")
@@ -95,10 +93,7 @@ def list_paths(
     locked: Annotated[bool | None, typer.Option("--locked/--unlocked", help="Only such paths.")] = None,
 ) -> None:
     """List the paths, and which of them are locked."""
-    query = {} if locked is None else {"locked": str(locked).lower()}
-    with service.connected() as connection:
-        found = connection.call(LIST_PATHS, query=query).paths
-    service.print_all(found, tables.paths_table)
+    service.print_all(service.call(LIST_PATHS, query={"locked": locked}).paths, tables.paths_table)
 
 
 @paths.command("lock")
@@ -110,22 +105,17 @@ def lock_path(
     check: Annotated[bool, typer.Option("--check", help="Only show what would have no other route.")] = False,
 ) -> None:
     """Lock a path: new routes avoid it, also those of driving vehicles."""
-    with service.connected() as connection:
-        if check:
-            preview = connection.call(PREVIEW_PATH_LOCK, name)
-            service.print_all((preview,), tables.lock_previews_table)
-            return
-        path = connection.call(LOCK_PATH, name, body={"locked": True})
-    service.print_all((path,), tables.paths_table)
+    if check:
+        service.print_all((service.call(PREVIEW_PATH_LOCK, name),), tables.lock_previews_table)
+    else:
+        service.print_all((service.call(LOCK_PATH, name, body={"locked": True}),), tables.paths_table)
 
 
 @paths.command("unlock")
 @of_service
 def unlock_path(service: Service, name: PathName) -> None:
     """Unlock a path."""
-    with service.connected() as connection:
-        path = connection.call(LOCK_PATH, name, body={"locked": False})
-    service.print_all((path,), tables.paths_table)
+    service.print_all((service.call(LOCK_PATH, name, body={"locked": False}),), tables.paths_table)
 
 
 @locations.command("list")
@@ -142,7 +132,7 @@ def list_locations(
     ] = None,
 ) -> None:
     """List the locations, with the operations that they offer and the points to which they are linked."""
-    query = _without_none(type=type_, point=point, operation=operation)
+    query: Query = {"type": type_, "point": point, "operation": operation}
     with service.connected() as connection:
         found = [each for page in connection.pages(LIST_LOCATIONS, query) for each in page.locations]
     service.print_all(found, tables.locations_table)
@@ -152,10 +142,4 @@ def list_locations(
 @of_service
 def show_location(service: Service, name: LocationName) -> None:
     """Show a location: what it offers, and from which points it is served."""
-    with service.connected() as connection:
-        location = connection.call(SHOW_LOCATION, name)
-    service.print_all((location,), tables.locations_table)
-
-
-def _without_none(**query: str | list[str] | None) -> Query:
-    return {name: value for name, value in query.items() if value is not None}
+    service.print_all((service.call(SHOW_LOCATION, name),), tables.locations_table)

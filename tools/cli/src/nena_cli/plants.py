@@ -390,8 +390,7 @@ def put(
     """Activate a plant model at a running order service; status 1 if it lacks objects still in use."""
     with _errors_reported():
         data = read_bytes(file)
-    with service.connected() as connection:
-        done = connection.call(CHANGE_PLANT, content=data, query={"check": str(check).lower()})
+    done = service.call(CHANGE_PLANT, content=data, query={"check": check})
     if service.output not in (Format.TABLE, Format.WIDE):
         print_object(service.output, done)
         return

@@ -10,7 +10,6 @@ from urllib.parse import quote
 
 import typer
 from pydantic import BaseModel, TypeAdapter
-from rich.text import Text
 
 from nena_cli.aggregator import DEFAULT_AGGREGATOR, Aggregator, check_answer, connect_aggregator
 from nena_cli.options import group
@@ -101,15 +100,14 @@ def request(
     if name is not None:
         act(service, name, own_actions.FETCH_RECORDING, {})
         return
-    with service.connected() as connection:
-        answer = connection.call(FETCH_RECORDING)
+    answer = service.call(FETCH_RECORDING)
     service.print_one(answer, requested_table(answer))
 
 
 def requested_table(found: RecordingAnswer) -> Table:
     """Return the table of a requested recording."""
     table = Table("robot", "name", "sent")
-    table.add_row(Text(found.robot), Text(found.name), Text("yes" if found.sent else "no"))
+    table.add_row(found.robot, found.name, "yes" if found.sent else "no")
     return table
 
 
@@ -118,5 +116,5 @@ def recordings_table(found: Sequence[RecordingRow]) -> Table:
     table = Table("robot", "name", "KiB", "received")
     for each in found:
         received = f"{each.received.astimezone():%Y-%m-%d %H:%M:%S}"
-        table.add_row(Text(each.robot), Text(each.name), Text(str(-(-each.size // KIB))), Text(received))
+        table.add_row(each.robot, each.name, str(-(-each.size // KIB)), received)
     return table

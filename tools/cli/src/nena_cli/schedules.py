@@ -41,17 +41,14 @@ Name = Annotated[str, typer.Argument(help="Name of the schedule.")]
 @of_service
 def list_(service: Service) -> None:
     """List the schedules with their next and last runs."""
-    with service.connected() as connection:
-        found = connection.call(LIST_SCHEDULES)
-    _print_schedules(service, *found.schedules)
+    _print_schedules(service, *service.call(LIST_SCHEDULES).schedules)
 
 
 @app.command("show")
 @of_service
 def show_(service: Service, name: Name) -> None:
     """Show a schedule with its next and last runs."""
-    with service.connected() as connection:
-        found = connection.call(SHOW_SCHEDULE, name)
+    found = service.call(SHOW_SCHEDULE, name)
     service.print_one(found, tables.schedule_details(found), tables.schedule_runs_table(found))
 
 
@@ -105,8 +102,7 @@ def put(
         "maxOpenOrders": max_open_orders,
         "enabled": not disabled,
     }
-    with service.connected() as connection:
-        _print_schedules(service, connection.call(PUT_SCHEDULE, name, body=body))
+    _print_schedules(service, service.call(PUT_SCHEDULE, name, body=body))
 
 
 @app.command()
@@ -124,27 +120,21 @@ def run(service: Service, name: Name, *, wait: option.Wait = False) -> None:
 @of_service
 def enable(service: Service, name: Name) -> None:
     """Enable a schedule. What it has missed while disabled is not caught up."""
-    _enable_schedule(service, name, enabled=True)
+    _print_schedules(service, service.call(ENABLE_SCHEDULE, name, body={"enabled": True}))
 
 
 @app.command()
 @of_service
 def disable(service: Service, name: Name) -> None:
     """Disable a schedule: it creates no orders until it is enabled."""
-    _enable_schedule(service, name, enabled=False)
+    _print_schedules(service, service.call(ENABLE_SCHEDULE, name, body={"enabled": False}))
 
 
 @app.command()
 @of_service
 def delete(service: Service, name: Name) -> None:
     """Delete a schedule; the orders that it has created stay."""
-    with service.connected() as connection:
-        _print_schedules(service, connection.call(DELETE_SCHEDULE, name))
-
-
-def _enable_schedule(service: Service, name: str, *, enabled: bool) -> None:
-    with service.connected() as connection:
-        _print_schedules(service, connection.call(ENABLE_SCHEDULE, name, body={"enabled": enabled}))
+    _print_schedules(service, service.call(DELETE_SCHEDULE, name))
 
 
 def _order_template(

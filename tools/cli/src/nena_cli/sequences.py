@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from datetime import datetime
 from itertools import islice
 from typing import Annotated
@@ -14,7 +13,6 @@ from nena_cli import arguments as option
 from nena_cli import tables
 from nena_cli.options import group
 from nena_cli.service import Service, of_service
-from nena_client import Client
 from nena_client.exchange import Query
 from nena_shared.fleet_api.operations.sequences import (
     COMPLETE_SEQUENCE,
@@ -54,8 +52,7 @@ def create(
     body.update({field: value for field, value in given.items() if value is not None})
     if types:
         body["orderTypes"] = [*types]
-    with service.connected() as connection:
-        _print_sequences(service, connection.call(CREATE_SEQUENCE, body=body))
+    _print_sequences(service, service.call(CREATE_SEQUENCE, body=body))
 
 
 @app.command("list")
@@ -76,24 +73,17 @@ def list_(
     limit: Annotated[int, typer.Option(min=1, help="Maximum number; the newest first.")] = 50,
 ) -> None:
     """List order sequences, newest first; with --json one line each."""
-    query: dict[str, str | int] = {}
-    if finished is not None:
-        query["finished"] = str(finished).lower()
-    if vehicle is not None:
-        query["intendedVehicle"] = vehicle
-    for name, moment in (("since", since), ("until", until)):
-        if moment is not None:
-            query[name] = moment.astimezone().isoformat()
+    query: Query = {"finished": finished, "intendedVehicle": vehicle, "since": since, "until": until}
     with service.connected() as connection:
-        _print_sequences(service, *islice(_list_sequences(connection, query), limit))
+        pages = connection.pages(LIST_SEQUENCES, query)
+        _print_sequences(service, *islice((each for page in pages for each in page.order_sequences), limit))
 
 
 @app.command("show")
 @of_service
 def show_(service: Service, name: Name) -> None:
     """Show an order sequence with its history."""
-    with service.connected() as connection:
-        sequence = connection.call(SHOW_SEQUENCE, name)
+    sequence = service.call(SHOW_SEQUENCE, name)
     service.print_one(sequence, tables.sequence_details(sequence), tables.history_table(sequence))
 
 
@@ -101,13 +91,7 @@ def show_(service: Service, name: Name) -> None:
 @of_service
 def complete(service: Service, name: Name) -> None:
     """Complete an order sequence: it accepts no more orders and releases its vehicle after the last one."""
-    with service.connected() as connection:
-        _print_sequences(service, connection.call(COMPLETE_SEQUENCE, name, body={}))
-
-
-def _list_sequences(connection: Client, query: Query) -> Iterator[OrderSequenceStatus]:
-    for page in connection.pages(LIST_SEQUENCES, query):
-        yield from page.order_sequences
+    _print_sequences(service, service.call(COMPLETE_SEQUENCE, name, body={}))
 
 
 def _print_sequences(service: Service, *sequences: OrderSequenceStatus) -> None:

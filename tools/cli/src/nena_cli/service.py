@@ -9,7 +9,7 @@ from functools import wraps
 from http import HTTPStatus
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Any, Concatenate, Final, ParamSpec, Protocol, TypeVar
+from typing import Any, Concatenate, Final, ParamSpec, Protocol, TypeVar, Unpack
 
 import httpx
 import typer
@@ -19,6 +19,8 @@ from nena_cli.options import DEFAULT_URL, OPTIONS, Format, option, output_of, ow
 from nena_cli.output import REFUSED, fail, print_object, print_objects, print_table
 from nena_cli.styled import Table
 from nena_client import Client, RefusedError, UnreachableError
+from nena_client.exchange import A, Options
+from nena_shared.fleet_api.operations.operation import Operation
 from nena_shared.fleet_api.operations.orders import LIST_ORDERS
 from nena_shared.fleet_api.operations.vehicles import LIST_VEHICLES
 
@@ -42,6 +44,11 @@ class Service:
         """Connect; report an error in one line and exit."""
         with self.reporting("order service", "--url or NENA_URL"), self.opened() as connection:
             yield connection
+
+    def call(self, operation: Operation[A], name: str = "", **options: Unpack[Options]) -> A:
+        """Connect for one call; report an error in one line and exit."""
+        with self.connected() as connection:
+            return connection.call(operation, name, **options)
 
     @contextmanager
     def reporting(self, server: str, options: str) -> Iterator[None]:

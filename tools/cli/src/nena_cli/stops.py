@@ -27,9 +27,7 @@ CORNERS = 4
 @of_service
 def list_(service: Service) -> None:
     """List the active stops, and the robots that are not paused."""
-    with service.connected() as connection:
-        found = connection.call(LIST_STOPS)
-    service.print_all(found.stops, tables.stops_table)
+    service.print_all(service.call(LIST_STOPS).stops, tables.stops_table)
 
 
 @app.command("all")
@@ -64,15 +62,12 @@ def end(
     by: By = None,
 ) -> None:
     """End a stop: the robots that it has paused continue."""
-    with service.connected() as connection:
-        done = connection.call(END_STOP, name, body={"by": by or getuser(), "reason": reason})
+    done = service.call(END_STOP, name, body={"by": by or getuser(), "reason": reason})
     service.print_all((done,), tables.stops_table)
 
 
 def _begin_stop(service: Service, body: dict[str, JsonValue]) -> None:
-    with service.connected() as connection:
-        begun = connection.call(STOP, body=body)
-    service.print_all((begun,), tables.stops_table)
+    service.print_all((service.call(STOP, body=body),), tables.stops_table)
 
 
 def _parse_area(corners: str, map_id: str | None) -> Area:

@@ -80,13 +80,13 @@ def orders_table(orders: Iterable[TransportOrderStatus]) -> Table:
     table = Table("order", "state", "vehicle", "destinations", "priority", "created", "reason")
     for order in orders:
         table.add_row(
-            Text(order.name),
+            order.name,
             _state_text(order),
-            Text(_vehicle_of(order)),
+            _vehicle_of(order),
             destinations(order),
-            Text(str(order.priority or "")),
-            Text(_local_time(order.created)),
-            Text(order.reason),
+            str(order.priority or ""),
+            _local_time(order.created),
+            order.reason,
         )
     return table
 
@@ -104,29 +104,29 @@ def destinations(order: TransportOrderStatus) -> Text:
 def order_details(order: TransportOrderStatus, delivery: DeliveryStatus) -> Table:
     """Return the details of an order."""
     return _details_table(
-        ("order", Text(order.name)),
+        ("order", order.name),
         ("state", _state_text(order)),
-        ("reason", Text(order.reason)),
-        ("vehicle", Text(order.processing_vehicle or "")),
-        ("intended vehicle", Text(order.intended_vehicle or "")),
-        ("type, priority", Text(f"{order.type}, {order.priority}")),
+        ("reason", order.reason),
+        ("vehicle", order.processing_vehicle or ""),
+        ("intended vehicle", order.intended_vehicle or ""),
+        ("type, priority", f"{order.type}, {order.priority}"),
         ("deadline", _deadline_text(order)),
-        ("sequence", Text(order.wrapping_sequence or "")),
-        ("depends on", Text(", ".join(order.dependencies))),
-        ("dispensable", Text("yes" if order.dispensable else "")),
-        ("automatic", Text("yes" if order.automatic else "")),
-        ("created by", Text(order.created_by or "")),
+        ("sequence", order.wrapping_sequence or ""),
+        ("depends on", ", ".join(order.dependencies)),
+        ("dispensable", "yes" if order.dispensable else ""),
+        ("automatic", "yes" if order.automatic else ""),
+        ("created by", order.created_by or ""),
         ("destinations", destinations(order)),
-        ("delivery", Text(" ".join(filter(None, (delivery.phase, delivery.order_id, delivery.note))))),
-        ("properties", Text(", ".join(f"{each.key}={each.value}" for each in order.properties))),
+        ("delivery", " ".join(filter(None, (delivery.phase, delivery.order_id, delivery.note)))),
+        ("properties", ", ".join(f"{each.key}={each.value}" for each in order.properties)),
     )
 
 
-def _details_table(*rows: tuple[str, Text]) -> Table:
+def _details_table(*rows: tuple[str, Text | str]) -> Table:
     """Return a table of names and values, without those that are empty."""
     table = Table(frame=False)
     for name, value in rows:
-        if value.plain:
+        if value:
             table.add_row(Text(name, style="dim"), value)
     return table
 
@@ -136,7 +136,7 @@ def history_table(status: TransportOrderStatus | OrderSequenceStatus) -> Table:
     table = Table("time", "event", "details", title="History")
     for entry in status.history:
         what = entry.event_code.removeprefix("nena:")
-        table.add_row(Text(_local_time(entry.timestamp)), Text(what), Text(", ".join(entry.supplements)))
+        table.add_row(_local_time(entry.timestamp), what, ", ".join(entry.supplements))
     return table
 
 
@@ -157,13 +157,13 @@ def vehicles_table(vehicles: Iterable[VehicleStatus], fleet: Iterable[VehicleSta
     for vehicle in shown:
         energy = "" if vehicle.energy_level is None else f"{vehicle.energy_level:.0f} %"
         table.add_row(
-            Text(vehicle.name),
+            vehicle.name,
             _vehicle_state(vehicle),
             Text(vehicle.connection, style="" if vehicle.connection == "ONLINE" else "yellow"),
-            Text(_position_of(vehicle)),
-            Text(energy),
-            Text(vehicle.transport_order or ""),
-            Text("; ".join((vehicle.reason, *vehicle.errors, *_deviations_of(vehicle)))),
+            _position_of(vehicle),
+            energy,
+            vehicle.transport_order or "",
+            "; ".join((vehicle.reason, *vehicle.errors, *_deviations_of(vehicle))),
             *([_waiting_chain(vehicle.name, chains, known)] if chains else []),
             *([_maps_of(vehicle)] if vehicle.maps else []),
         )
@@ -203,12 +203,12 @@ def traffic_table(plan: TrafficPlan) -> Table:
     table = Table("vehicle", "at", "next", "goal", "order", "waits")
     for vehicle in plan.vehicles:
         table.add_row(
-            Text(vehicle.vehicle),
-            Text(vehicle.at),
+            vehicle.vehicle,
+            vehicle.at,
             _next_points(vehicle),
-            Text(vehicle.goal or ""),
-            Text(vehicle.transport_order or ""),
-            Text(vehicle.wait.reason if vehicle.wait else ""),
+            vehicle.goal or "",
+            vehicle.transport_order or "",
+            vehicle.wait.reason if vehicle.wait else "",
         )
     return table
 
@@ -236,7 +236,7 @@ def order_types_table(vehicle: VehicleStatus) -> Table:
     """Return the order types that a vehicle accepts, in order of preference."""
     table = Table("type", "priority", title=vehicle.name)
     for each in sorted(vehicle.acceptable_order_types, key=lambda each: each.priority):
-        table.add_row(Text(each.name), Text(str(each.priority)))
+        table.add_row(each.name, str(each.priority))
     return table
 
 
@@ -251,9 +251,9 @@ def zone_sets_table(zone_sets: Iterable[ZoneSetStatus]) -> Table:
     for each in zone_sets:
         target = "deleted" if each.deleted else "enabled" if each.enabled else "disabled"
         for at in each.vehicles:
-            table.add_row(*map(Text, (each.zone_set_id, each.map_id, target, at.vehicle, at.phase, at.note)))
+            table.add_row(each.zone_set_id, each.map_id, target, at.vehicle, at.phase, at.note)
         if not each.vehicles:
-            table.add_row(*map(Text, (each.zone_set_id, each.map_id, target)))
+            table.add_row(each.zone_set_id, each.map_id, target)
     return table
 
 
@@ -263,11 +263,7 @@ def peripherals_table(peripherals: Iterable[PeripheralStatus]) -> Table:
     for peripheral in peripherals:
         job = peripheral.job.operation if peripheral.job else ""
         waiting = str(len(peripheral.waiting) or "")
-        table.add_row(
-            *map(
-                Text, (peripheral.location, peripheral.state, ", ".join(peripheral.operations), job, waiting)
-            )
-        )
+        table.add_row(peripheral.location, peripheral.state, ", ".join(peripheral.operations), job, waiting)
     return table
 
 
@@ -276,7 +272,7 @@ def peripheral_jobs_table(jobs: Iterable[PeripheralJobStatus]) -> Table:
     table = Table("job", "location", "operation", "state", "vehicle", "order", "reason")
     for job in jobs:
         for_whom = (job.related_vehicle or "", job.related_transport_order or "")
-        table.add_row(*map(Text, (job.name, job.location, job.operation, job.state, *for_whom, job.reason)))
+        table.add_row(job.name, job.location, job.operation, job.state, *for_whom, job.reason)
     return table
 
 
@@ -286,12 +282,7 @@ def points_table(points: Iterable[PointStatus]) -> Table:
     for point in points:
         place = f"{point.x:.2f}, {point.y:.2f}"
         names = (point.locations, point.occupied_by, point.reserved_by)
-        table.add_row(
-            *map(
-                Text,
-                (point.name, point.type, place, point.map_id or "", *(", ".join(them) for them in names)),
-            )
-        )
+        table.add_row(point.name, point.type, place, point.map_id or "", *(", ".join(them) for them in names))
     return table
 
 
@@ -300,7 +291,7 @@ def paths_table(paths: Iterable[PathStatus]) -> Table:
     table = Table("path", "from", "to", "locked")
     for path in paths:
         locked = f"by stop {path.stop}" if path.stop else "yes" if path.locked else "no"
-        table.add_row(*map(Text, (path.name, path.source_point, path.destination_point, locked)))
+        table.add_row(path.name, path.source_point, path.destination_point, locked)
     return table
 
 
@@ -308,7 +299,7 @@ def lock_previews_table(previews: Iterable[PathLockPreview]) -> Table:
     """Return a table of what would have no other route."""
     table = Table("vehicles without another route", "orders without another route")
     for preview in previews:
-        table.add_row(*(Text(", ".join(names) or "none") for names in (preview.vehicles, preview.orders)))
+        table.add_row(*(", ".join(names) or "none" for names in (preview.vehicles, preview.orders)))
     return table
 
 
@@ -328,9 +319,7 @@ def locations_table(locations: Iterable[LocationStatus]) -> Table:
             "; ".join(links),
         )
         place = f"{location.x:.2f}, {location.y:.2f}"
-        table.add_row(
-            *map(Text, (location.name, location.type, place, "locked" if location.locked else "", *offered))
-        )
+        table.add_row(location.name, location.type, place, "locked" if location.locked else "", *offered)
     return table
 
 
@@ -352,18 +341,13 @@ def schedules_table(schedules: Iterable[ScheduleStatus]) -> Table:
         )
         counts = (str(schedule.created_orders or ""), str(schedule.skipped_runs or ""))
         table.add_row(
-            *map(
-                Text,
-                (
-                    schedule.name,
-                    schedule.cron or "template",
-                    schedule.time_zone,
-                    _stops_of(schedule),
-                    next_run,
-                    last_run,
-                    *counts,
-                ),
-            )
+            schedule.name,
+            schedule.cron or "template",
+            schedule.time_zone,
+            _stops_of(schedule),
+            next_run,
+            last_run,
+            *counts,
         )
     return table
 
@@ -371,17 +355,17 @@ def schedules_table(schedules: Iterable[ScheduleStatus]) -> Table:
 def schedule_details(status: ScheduleStatus) -> Table:
     """Return the definition of a schedule and its next runs."""
     return _details_table(
-        ("schedule", Text(status.name)),
-        ("cron, time zone", Text(f"{status.cron or 'template'}, {status.time_zone}")),
-        ("enabled", Text("yes" if status.enabled else "no")),
-        ("valid from", Text(_local_time(status.valid_from))),
-        ("valid until", Text(_local_time(status.valid_until))),
-        ("catch up", Text(str(status.catch_up))),
-        ("max. open orders", Text(str(status.max_open_orders))),
-        ("stops", Text(_stops_of(status))),
-        ("created orders", Text(str(status.created_orders))),
-        ("skipped runs", Text(str(status.skipped_runs))),
-        ("next runs", Text(", ".join(map(_local_time, status.next_runs)))),
+        ("schedule", status.name),
+        ("cron, time zone", f"{status.cron or 'template'}, {status.time_zone}"),
+        ("enabled", "yes" if status.enabled else "no"),
+        ("valid from", _local_time(status.valid_from)),
+        ("valid until", _local_time(status.valid_until)),
+        ("catch up", str(status.catch_up)),
+        ("max. open orders", str(status.max_open_orders)),
+        ("stops", _stops_of(status)),
+        ("created orders", str(status.created_orders)),
+        ("skipped runs", str(status.skipped_runs)),
+        ("next runs", ", ".join(map(_local_time, status.next_runs))),
     )
 
 
@@ -389,7 +373,7 @@ def schedule_runs_table(status: ScheduleStatus) -> Table:
     """Return the last runs of a schedule."""
     table = Table("planned", "order", "reason", title="Last runs")
     for run in status.last_runs:
-        table.add_row(*map(Text, (_local_time(run.planned), run.transport_order or "", run.reason)))
+        table.add_row(_local_time(run.planned), run.transport_order or "", run.reason)
     return table
 
 
@@ -407,7 +391,7 @@ def stops_table(stops: Iterable[StopStatus]) -> Table:
         paused = "ended" if stop.ended else f"{stop.paused} of {stop.vehicles}"
         others = "; ".join(f"{other.vehicle} {other.reason}" for other in stop.not_paused)
         since = f"{stop.since:%Y-%m-%d %H:%M:%S} UTC"
-        table.add_row(*map(Text, (stop.name, where, stop.by, since, stop.reason, paused, others)))
+        table.add_row(stop.name, where, stop.by, since, stop.reason, paused, others)
     return table
 
 
@@ -430,7 +414,7 @@ def audit_table(entries: Iterable[AuditEntry]) -> Table:
             change,
             result,
         )
-        table.add_row(*(Text(printable(cell)) for cell in row))
+        table.add_row(*map(printable, row))
     return table
 
 
@@ -443,14 +427,14 @@ def rerouting_table(done: ReroutingAnswer) -> Table:
     """Return the result of rerouting."""
     table = Table("vehicle", "order", "outcome", "route", "reason")
     route = " > ".join(done.route)
-    table.add_row(*map(Text, (done.vehicle, done.transport_order, done.outcome, route, done.reason)))
+    table.add_row(done.vehicle, done.transport_order, done.outcome, route, done.reason)
     return table
 
 
 def instant_action_table(vehicle: str, done: InstantActionAnswer) -> Table:
     """Return what became of an instant action."""
     table = Table("vehicle", "action", "status", "reason")
-    table.add_row(*map(Text, (vehicle, done.action_type, done.status, done.result or done.reason)))
+    table.add_row(vehicle, done.action_type, done.status, done.result or done.reason)
     return table
 
 
@@ -488,12 +472,12 @@ def sequences_table(sequences: Iterable[OrderSequenceStatus]) -> Table:
     table = Table("sequence", "state", "vehicle", "orders", "created", "reason")
     for sequence in sequences:
         table.add_row(
-            Text(sequence.name),
-            Text(_sequence_state(sequence)),
-            Text(_vehicle_of(sequence)),
+            sequence.name,
+            _sequence_state(sequence),
+            _vehicle_of(sequence),
             _orders_of(sequence),
-            Text(_local_time(sequence.created)),
-            Text(sequence.reason),
+            _local_time(sequence.created),
+            sequence.reason,
         )
     return table
 
@@ -501,15 +485,15 @@ def sequences_table(sequences: Iterable[OrderSequenceStatus]) -> Table:
 def sequence_details(sequence: OrderSequenceStatus) -> Table:
     """Return the details of a sequence."""
     return _details_table(
-        ("sequence", Text(sequence.name)),
-        ("state", Text(_sequence_state(sequence))),
-        ("reason", Text(sequence.reason)),
-        ("vehicle", Text(sequence.processing_vehicle or "")),
-        ("intended vehicle", Text(sequence.intended_vehicle or "")),
-        ("order types", Text(", ".join(sequence.order_types))),
-        ("failure", Text("ends the sequence" if sequence.failure_fatal else "ignored")),
+        ("sequence", sequence.name),
+        ("state", _sequence_state(sequence)),
+        ("reason", sequence.reason),
+        ("vehicle", sequence.processing_vehicle or ""),
+        ("intended vehicle", sequence.intended_vehicle or ""),
+        ("order types", ", ".join(sequence.order_types)),
+        ("failure", "ends the sequence" if sequence.failure_fatal else "ignored"),
         ("orders", _orders_of(sequence)),
-        ("properties", Text(", ".join(f"{each.key}={each.value}" for each in sequence.properties))),
+        ("properties", ", ".join(f"{each.key}={each.value}" for each in sequence.properties)),
     )
 
 

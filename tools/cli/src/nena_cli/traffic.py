@@ -10,6 +10,5 @@ from nena_shared.fleet_api.operations.fleet import SHOW_TRAFFIC_PLAN
 @of_service
 def traffic(service: Service) -> None:
     """Show where vehicles will be in the next minute, what they hold, and which they wait for and why."""
-    with service.connected() as connection:
-        plan = connection.call(SHOW_TRAFFIC_PLAN)
+    plan = service.call(SHOW_TRAFFIC_PLAN)
     service.print_one(plan, tables.traffic_table(plan))

@@ -14,6 +14,7 @@ from nena_cli.options import group
 from nena_cli.output import REFUSED, fail
 from nena_cli.service import Service, of_service, vehicle_names
 from nena_cli.watching import Board, watch
+from nena_client.exchange import Query
 from nena_shared.clock import iso
 from nena_shared.fleet_api.operations.vehicles import (
     INSTANT_ACTION,
@@ -49,8 +50,7 @@ def list_(
 ) -> None:
     """List vehicles, including robots that are not in the plant model; with --json one line each."""
     with service.connected() as connection:
-        query = {"state": [each.value for each in state or ()]}
-        vehicles = connection.call(LIST_VEHICLES, query=query).vehicles
+        vehicles = connection.call(LIST_VEHICLES, query={"state": state}).vehicles
         filtered = state and any(vehicle.wait for vehicle in vehicles)
         fleet = connection.call(LIST_VEHICLES).vehicles if filtered else ()
     service.print_all(vehicles, partial(tables.vehicles_table, fleet=fleet))
@@ -73,7 +73,7 @@ def watch_(
     name: Annotated[str | None, typer.Argument(help="Only this vehicle. Unset: all.")] = None,
 ) -> None:
     """Watch vehicles until Ctrl-C; with --json one line per change."""
-    query = {"kind": "vehicle", **({"vehicle": name} if name else {})}
+    query: Query = {"kind": "vehicle", "vehicle": name}
     board = Board(VehicleStatus, lambda shown: tables.vehicles_table(sorted(shown, key=_by_name)))
     with service.connected() as connection:
         if name is not None:
@@ -100,13 +100,11 @@ def order_types(
     if none and types:
         message = "Specify either types or --none"
         raise typer.BadParameter(message)
-    with service.connected() as connection:
-        if types or none:
-            wanted: list[JsonValue] = [{"name": each, "priority": n} for n, each in enumerate(types or ())]
-            body: dict[str, JsonValue] = {"acceptableOrderTypes": wanted}
-            vehicle = connection.call(ORDER_TYPES, name, body=body)
-        else:
-            vehicle = connection.call(SHOW_VEHICLE, name)
+    if types or none:
+        wanted: list[JsonValue] = [{"name": each, "priority": n} for n, each in enumerate(types or ())]
+        vehicle = service.call(ORDER_TYPES, name, body={"acceptableOrderTypes": wanted})
+    else:
+        vehicle = service.call(SHOW_VEHICLE, name)
     service.print_one(vehicle, tables.order_types_table(vehicle))
 
 
@@ -118,9 +116,7 @@ def level(
     integration_level: Annotated[IntegrationLevel, typer.Argument(help="New integration level.")],
 ) -> None:
     """Set whether a vehicle gets orders, also after too many have failed, and whether others avoid it."""
-    with service.connected() as connection:
-        body: dict[str, JsonValue] = {"integrationLevel": integration_level.value}
-        vehicle = connection.call(INTEGRATION_LEVEL, name, body=body)
+    vehicle = service.call(INTEGRATION_LEVEL, name, body={"integrationLevel": integration_level.value})
     service.print_one(vehicle, tables.vehicles_table((vehicle,), ()))
 
 
@@ -136,8 +132,7 @@ def reroute(
 ) -> None:
     """Replan the current order's route from the end of its released base."""
     kind = ReroutingType.FORCED if forced else ReroutingType.REGULAR
-    with service.connected() as connection:
-        done = connection.call(REROUTE, name, body={"type": kind.value})
+    done = service.call(REROUTE, name, body={"type": kind.value})
     service.print_one(done, tables.rerouting_table(done))
 
 
@@ -172,9 +167,7 @@ def shutdown(service: Service, name: Name) -> None:
 def act(service: Service, name: str, action_type: str, parameters: dict[str, JsonValue]) -> None:
     """Send an instant action and print its result; exit with status 1 unless it has succeeded or runs."""
     listed: list[JsonValue] = [{"key": key, "value": value} for key, value in parameters.items()]
-    body: dict[str, JsonValue] = {"actionType": action_type, "parameters": listed}
-    with service.connected() as connection:
-        answer = connection.call(INSTANT_ACTION, name, body=body)
+    answer = service.call(INSTANT_ACTION, name, body={"actionType": action_type, "parameters": listed})
     service.print_one(answer, tables.instant_action_table(name, answer))
     if answer.status not in (ActionStatus.FINISHED, "PENDING"):
         fail(f"{action_type} of {name} is {answer.status}: {answer.result or answer.reason}", REFUSED)

@@ -15,6 +15,7 @@ from nena_cli.options import Format
 from nena_cli.output import echo, is_terminal, print_objects
 from nena_cli.styled import Table
 from nena_client import Client, Event
+from nena_client.exchange import Query
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 
@@ -52,7 +53,7 @@ class Board(Generic[B]):
         yield from lines if len(lines) < console.height else brief(console, table)
 
 
-def watch(connection: Client, board: Board[B], query: dict[str, str], output: Format) -> Generator[B]:
+def watch(connection: Client, board: Board[B], query: Query, output: Format) -> Generator[B]:
     """Redraw a table on a terminal, else print each change; yield the changes until the caller stops."""
     if output is Format.WIDE:
         output = Format.TABLE  # its header would be repeated for each change

@@ -29,9 +29,7 @@ Name = Annotated[str, typer.Argument(help="zoneSetId of the zone set.")]
 @of_service
 def list_(service: Service) -> None:
     """List the zone sets and their status at the robots."""
-    with service.connected() as connection:
-        found = connection.call(LIST_ZONE_SETS)
-    _print_zone_sets(service, *found.zone_sets)
+    _print_zone_sets(service, *service.call(LIST_ZONE_SETS).zone_sets)
 
 
 @app.command()
@@ -45,26 +43,21 @@ def put(
         body = from_json(file.read_bytes(), allow_inf_nan=False)
     except (OSError, ValueError) as error:
         fail(f"{file}: {error}")
-    with service.connected() as connection:
-        _print_zone_sets(service, connection.call(PUT_ZONE_SET, body=body))
+    _print_zone_sets(service, service.call(PUT_ZONE_SET, body=body))
 
 
 @app.command()
 @of_service
 def enable(service: Service, name: Name) -> None:
     """Enable a zone set at the robots; disables the others of its map."""
-    with service.connected() as connection:
-        done = connection.call(ENABLE_ZONE_SET, name, body={})
-    _print_zone_sets(service, done)
+    _print_zone_sets(service, service.call(ENABLE_ZONE_SET, name, body={}))
 
 
 @app.command()
 @of_service
 def delete(service: Service, name: Name) -> None:
     """Delete a zone set at the robots."""
-    with service.connected() as connection:
-        done = connection.call(DELETE_ZONE_SET, name)
-    _print_zone_sets(service, done)
+    _print_zone_sets(service, service.call(DELETE_ZONE_SET, name))
 
 
 def _print_zone_sets(service: Service, *zone_sets: ZoneSetStatus) -> None:

@@ -30,6 +30,7 @@ from nena_client.exchange import (
     ServiceState,
     UnreachableError,
     next_page,
+    params_of,
     problem_of,
     read,
 )
@@ -209,8 +210,9 @@ class Client:
     def _follow_stream(self, query: Query | None, last_id: str | None) -> Iterator[Iterator[str]]:
         """Follow the parts of the event stream; raises as :meth:`call` does, also while it is followed."""
         url = self._active_url()
+        params = params_of(query)
         headers = {"Last-Event-ID": last_id} if last_id else {}
-        following = self._client.stream("GET", url + EVENTS, params=query, headers=headers, timeout=STREAM)
+        following = self._client.stream("GET", url + EVENTS, params=params, headers=headers, timeout=STREAM)
         try:
             with following as answer:
                 if not answer.is_success:
@@ -348,8 +350,9 @@ class AsyncClient:
     ) -> AsyncIterator[AsyncIterator[str]]:
         """Follow the parts of the event stream; raises as :meth:`call` does, also while it is followed."""
         url = await self._active_url()
+        params = params_of(query)
         headers = {"Last-Event-ID": last_id} if last_id else {}
-        following = self._client.stream("GET", url + EVENTS, params=query, headers=headers, timeout=STREAM)
+        following = self._client.stream("GET", url + EVENTS, params=params, headers=headers, timeout=STREAM)
         try:
             async with following as answer:
                 if not answer.is_success:

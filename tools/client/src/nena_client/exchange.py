@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 from uuid import uuid4
@@ -37,7 +38,8 @@ P = TypeVar(
     "PointPage",
     "LocationPage",
 )
-Query = Mapping[str, str | int | Sequence[str]]
+Query = Mapping[str, str | int | datetime | Sequence[str] | None]
+"""Values of a query; None: not stated. A time without a zone is local."""
 
 PAGE = 200
 """Items per page."""
@@ -106,18 +108,26 @@ class Call:
         if request is not None:
             fields = request.model_dump(mode="json", by_alias=True, exclude_unset=True)
             if operation.method == "GET":
-                given = {name: value for name, value in fields.items() if value is not None}
-                query = {**given, **(query or {})}
+                query = {**fields, **(query or {})}
             else:
                 body = _with_keys(request, fields)
         arguments = {
-            "params": query,
+            "params": params_of(query),
             "json": body,
             "content": options.get("content"),
             "headers": options.get("headers"),
         }
         repeatable = operation.method != "POST" or _has_keys(body)
         return cls(operation.method, operation.path_of(name), arguments, repeatable)
+
+
+def params_of(query: Query | None) -> dict[str, Any]:
+    """Return the parameters of a URL: those that a query states, times with their zone."""
+    return {
+        name: value.astimezone().isoformat() if isinstance(value, datetime) else value
+        for name, value in (query or {}).items()
+        if value is not None
+    }
 
 
 def _with_keys(request: BaseModel, fields: dict[str, Any]) -> dict[str, Any]:
