@@ -93,8 +93,7 @@ def validity_of(pem: str) -> Validity:
     """
     begin, end = pem.find(BEGIN), pem.find(END)
     if not 0 <= begin < end:
-        message = "no PEM certificate found"
-        raise ValueError(message)
+        raise ValueError("no PEM certificate found")
     try:
         # the first one of a chain is the program's own (RFC 8446, 4.4.2)
         (certificate,) = _elements(ssl.PEM_cert_to_DER_cert(pem[begin : end + len(END)]))
@@ -106,8 +105,7 @@ def validity_of(pem: str) -> Validity:
         first, last = _elements(fields[VALIDITY].content)
         return Validity(_time(first), _time(last))
     except (IndexError, KeyError, ValueError) as error:
-        message = "not an X.509 certificate"
-        raise ValueError(message) from error
+        raise ValueError("not an X.509 certificate") from error
 
 
 def _time(element: _Element) -> datetime:

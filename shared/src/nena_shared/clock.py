@@ -42,8 +42,7 @@ def in_utc(value: datetime) -> datetime:
     try:
         return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
     except OverflowError as error:
-        message = "the time lies outside the years 1 to 9999 in UTC"
-        raise ValueError(message) from error
+        raise ValueError("the time lies outside the years 1 to 9999 in UTC") from error
 
 
 @lru_cache(maxsize=4096)

@@ -55,15 +55,13 @@ class ConfigurationError(Exception):
 
 def _no_separator(prefix: str) -> str:
     if prefix.startswith("/") or prefix.endswith("/") or any(sign in prefix for sign in "+#"):
-        message = "a topic prefix must not start or end with '/' or contain '+' or '#'"
-        raise ValueError(message)
+        raise ValueError("a topic prefix must not start or end with '/' or contain '+' or '#'")
     return prefix
 
 
 def _no_port(host: str) -> str:
     if "/" in host or host.count(":") == 1:  # an address of IPv6 has more
-        message = "must be a host name or an address alone; the port has a setting of its own"
-        raise ValueError(message)
+        raise ValueError("must be a host name or an address alone; the port has a setting of its own")
     return host
 
 
@@ -335,8 +333,7 @@ def parse_toml(text: bytes) -> dict[str, Any]:
     try:
         return tomllib.loads(text.decode())
     except RecursionError as error:
-        message = "lists or tables are nested too deeply"
-        raise TomlError(message) from error
+        raise TomlError("lists or tables are nested too deeply") from error
     except ValueError as error:  # includes too long numbers and invalid UTF-8
         raise TomlError(shortened(str(error))) from error
 

@@ -89,8 +89,7 @@ class Supervisor:
         """
         failed = self._failed
         if failed is None:
-            message = "enter the supervisor before waiting on it"
-            raise RuntimeError(message)
+            raise RuntimeError("enter the supervisor before waiting on it")
         stopping = asyncio.create_task(stop.wait(), name="wait for stop")
         both: set[asyncio.Future[Any]] = {stopping, failed}
         try:

@@ -201,8 +201,9 @@ class RobotAgent:
         if self._shuts_down:  # only now: the robot is offline, and its driver has ended
             self._log.info("shutting down")
             if problem := await run_command(self._settings.power, events.PowerCommand.SHUT_DOWN):
-                message = f"the robot could not be shut down: {problem}; check power.shutdown_command"
-                raise StartError(message)  # which starts the robot again
+                raise StartError(
+                    f"the robot could not be shut down: {problem}; check power.shutdown_command"
+                )  # which starts the robot again
 
     def snapshot(self) -> AgentSnapshot:
         """Return the current values for metrics."""

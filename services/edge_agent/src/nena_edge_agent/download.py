@@ -51,23 +51,18 @@ async def download(link: str, digest: str | None, settings: DownloadSettings) ->
         DownloadError: it is missing, too large or too slow, or its hash differs.
     """
     if link.partition(":")[0].lower() not in ("http", "https"):
-        message = f"only http and https links are allowed, not '{link}'"
-        raise DownloadError(message)
+        raise DownloadError(f"only http and https links are allowed, not '{link}'")
     if digest is not None and len(digest) != HASH_LENGTH:
-        message = f"the hash must be a SHA-256 in {HASH_LENGTH} hexadecimal digits"
-        raise DownloadError(message)
+        raise DownloadError(f"the hash must be a SHA-256 in {HASH_LENGTH} hexadecimal digits")
     try:
         async with asyncio.timeout(settings.timeout):
             content = await asyncio.to_thread(_fetch_file, link, settings)
     except TimeoutError:
-        message = f"{link} was not downloaded within {settings.timeout:g} s"
-        raise DownloadError(message) from None
+        raise DownloadError(f"{link} was not downloaded within {settings.timeout:g} s") from None
     except (OSError, HTTPException, ValueError) as error:
-        message = f"{link} was not downloaded: {error}"
-        raise DownloadError(message) from error
+        raise DownloadError(f"{link} was not downloaded: {error}") from error
     if digest is not None and sha256(content).hexdigest() != digest.lower():
-        message = f"the hash of {link} does not match"
-        raise DownloadError(message)
+        raise DownloadError(f"the hash of {link} does not match")
     return content
 
 
@@ -85,22 +80,18 @@ def _fetch_file(link: str, settings: DownloadSettings) -> bytes:
                 _check_size(link, size, end, settings)
             # read1 returns an early end of the connection as if it were the end of the file.
             if answer.length:
-                message = f"{link} ended {answer.length} bytes early"
-                raise DownloadError(message)
+                raise DownloadError(f"{link} ended {answer.length} bytes early")
     except TimeoutError as error:
-        message = f"{link} sent no data for {settings.silence:g} s"
-        raise DownloadError(message) from error
+        raise DownloadError(f"{link} sent no data for {settings.silence:g} s") from error
     return b"".join(parts)
 
 
 def _check_size(link: str, size: int, end: float, settings: DownloadSettings) -> None:
     """Raise DownloadError if the file is too large, or incomplete at the monotonic time ``end``."""
     if size > settings.maximum_bytes:
-        message = f"{link} is larger than {settings.maximum_bytes} bytes"
-        raise DownloadError(message)
+        raise DownloadError(f"{link} is larger than {settings.maximum_bytes} bytes")
     if monotonic() > end:
-        message = f"{link} was not downloaded within {settings.timeout:g} s"
-        raise DownloadError(message)
+        raise DownloadError(f"{link} was not downloaded within {settings.timeout:g} s")
 
 
 class _NetworkRange(StrEnum):
@@ -145,13 +136,11 @@ class _Connections:
         """
         reach = _NetworkRange.of_address(address)
         if reach in (_NetworkRange.LINK, _NetworkRange.MULTICAST):
-            message = f"downloads from {address} are not allowed: it is {reach}"
-            raise DownloadError(message)
+            raise DownloadError(f"downloads from {address} are not allowed: it is {reach}")
         if self._first is None:
             self._first = reach
         elif reach is _NetworkRange.ROBOT and self._first is not reach:
-            message = f"the server redirects to {address}, which is {reach}"
-            raise DownloadError(message)
+            raise DownloadError(f"the server redirects to {address}, which is {reach}")
 
 
 class _Http(HTTPHandler):
@@ -199,8 +188,7 @@ class _Redirects(HTTPRedirectHandler):
         new = super().redirect_request(req, *answer)
         # Without a mapHash or zoneSetHash, only TLS protects the file.
         if new is not None and req.type == "https" and new.type != "https":
-            message = f"the server redirects from https to {new.full_url}"
-            raise DownloadError(message)
+            raise DownloadError(f"the server redirects from https to {new.full_url}")
         return new
 
 

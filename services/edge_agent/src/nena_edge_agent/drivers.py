@@ -51,11 +51,10 @@ def driver_maker(
     try:
         from nena_edge_agent.nav2.driver import Nav2Driver  # noqa: PLC0415 - the loopback needs no ROS
     except ImportError as error:
-        message = (
+        raise StartError(
             f"ROS 2 for Python is missing ({error.name}); install nena-edge-agent[ros], or source the "
             "robot's ROS 2 Jazzy, or try without a robot: --driver loopback"
-        )
-        raise StartError(message) from error
+        ) from error
 
     def make_nav2(emit: Emit, _: Pose | None) -> Driver:
         limiter = None

@@ -63,5 +63,4 @@ async def run_fleet(
         ]
         await asyncio.gather(*tasks)
     if abandoned and not stop.is_set():
-        message = "no robot is running; see the log for the reasons"
-        raise StartError(message)
+        raise StartError("no robot is running; see the log for the reasons")

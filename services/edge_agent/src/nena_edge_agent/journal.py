@@ -45,13 +45,15 @@ def lock_journal(folder: Path, robot: RobotKey) -> Iterator[None]:
             # The kernel releases this lock with the process, so a killed agent leaves none behind.
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            message = f"another edge agent is running for robot {robot}: stop it first ({path} is locked)"
-            raise StartError(message) from error
+            raise StartError(
+                f"another edge agent is running for robot {robot}: stop it first ({path} is locked)"
+            ) from error
         except OSError as error:
             full = error.errno in (errno.ENOSPC, errno.EDQUOT)
             remedy = "free space on its disk" if full else "set journal.folder"
-            message = f"the journal's folder {folder} cannot be used: {error.strerror}; {remedy}"
-            raise StartError(message) from error
+            raise StartError(
+                f"the journal's folder {folder} cannot be used: {error.strerror}; {remedy}"
+            ) from error
         yield
 
 
@@ -92,8 +94,9 @@ class Journal:
             self._folder.mkdir(parents=True, exist_ok=True)
             there = self._file.exists()
         except OSError as error:
-            message = f"the journal {self._file} cannot be used: {error.strerror}; set journal.folder"
-            raise StartError(message) from error
+            raise StartError(
+                f"the journal {self._file} cannot be used: {error.strerror}; set journal.folder"
+            ) from error
         return self._read_file() if there else None
 
     def _read_file(self) -> Memory:
@@ -110,13 +113,14 @@ class Journal:
             if fields["format"] == FORMAT:
                 return Memory.model_validate_json(json.dumps(fields))
         except OSError as error:
-            message = f"the journal cannot be read ({error.strerror}): {remedy}"
-            raise UnreadableJournalError(message) from error
+            raise UnreadableJournalError(
+                f"the journal cannot be read ({error.strerror}): {remedy}"
+            ) from error
         except (ValueError, TypeError, RecursionError) as error:
-            message = f"the journal is damaged: {remedy}"
-            raise UnreadableJournalError(message) from error
-        message = f"the journal is from another version of the agent: reinstall that version, or {remedy}"
-        raise UnreadableJournalError(message)
+            raise UnreadableJournalError(f"the journal is damaged: {remedy}") from error
+        raise UnreadableJournalError(
+            f"the journal is from another version of the agent: reinstall that version, or {remedy}"
+        )
 
     def write(self, record: bytes) -> None:
         """Write a record: it survives the process on return, and a power failure after :meth:`sync`.
@@ -220,8 +224,7 @@ def _newest_record(content: bytes) -> tuple[int, bytes]:
         # complete, newer record, which is damaged now: what it told was already acted upon.
         numbers = _block_numbers(halves[1 - index])
         if None in numbers and not any(number is not None and number <= newest[0] for number in numbers):
-            message = f"a record after {newest[0]} is damaged"
-            raise ValueError(message)
+            raise ValueError(f"a record after {newest[0]} is damaged")
     return newest
 
 
@@ -281,8 +284,9 @@ def _expand_home(folder: Path) -> Path:
     try:
         return folder.expanduser()
     except RuntimeError as error:
-        message = f"the journal's folder {folder} cannot be found: {error}; set journal.folder"
-        raise StartError(message) from error
+        raise StartError(
+            f"the journal's folder {folder} cannot be found: {error}; set journal.folder"
+        ) from error
 
 
 def check_frame(memory: Memory | None, frame: str) -> None:
@@ -295,12 +299,11 @@ def check_frame(memory: Memory | None, frame: str) -> None:
     if memory is None or memory.frame == frame or not (memory.progress.nodes or memory.zone_sets):
         return
     order = f"order '{memory.progress.order_id}' is active"
-    message = (
+    raise StartError(
         f"{order if memory.progress.nodes else 'zone sets are kept'} in another frame: map_transforms was "
         f"'{memory.frame}' and is '{frame}'; restore it, let the order end or delete the zone sets, then "
         "change it"
     )
-    raise StartError(message)
 
 
 INLINE_WAIT = 0.01

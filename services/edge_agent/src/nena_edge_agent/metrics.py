@@ -263,8 +263,9 @@ class MetricsServer:
         try:
             server = await asyncio.start_server(self._serve_client, host, port, limit=HEAD_LIMIT)
         except OSError as error:
-            message = f"metrics.host, metrics.port: cannot listen on {host}:{port}: {error.strerror or error}"
-            raise StartError(message) from error
+            raise StartError(
+                f"metrics.host, metrics.port: cannot listen on {host}:{port}: {error.strerror or error}"
+            ) from error
         log.info("metrics listening", url=f"http://{host}:{server.sockets[0].getsockname()[1]}/metrics")
         async with server:
             await server.serve_forever()

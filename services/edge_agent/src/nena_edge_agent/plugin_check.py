@@ -69,8 +69,7 @@ class ContractError(AssertionError):
 def require(kept: object, problem: str, remedy: str) -> None:
     """Raise ContractError unless ``kept``."""
     if not kept:
-        text = f"{problem}: {remedy}"
-        raise ContractError(text)
+        raise ContractError(f"{problem}: {remedy}")
 
 
 async def check_plugin(
@@ -343,8 +342,7 @@ def _call_plugin(name: str, step: Callable[[], Any]) -> Any:  # noqa: ANN401 - a
         return step()
     except Exception as error:
         remedy = f"catch exceptions in {name}; report FAILED with the reason"
-        text = f"{name} raised {type(error).__name__}: {error}: {remedy}"
-        raise ContractError(text) from error
+        raise ContractError(f"{name} raised {type(error).__name__}: {error}: {remedy}") from error
 
 
 def sample_value(parameter: Parameter) -> JsonValue:
@@ -378,8 +376,9 @@ def _encode_factsheet(declaration: ActionDeclaration) -> None:
             capabilities = Capabilities("map", actions=actions, rules=RULES[version])
             codec.encode(make_factsheet({**header, "version": version}, EdgeAgentSettings(), capabilities))
     except (MalformedMessageError, ValidationError, AttributeError, TypeError) as error:
-        text = f"it does not fit the factsheet: {error}: use the texts, types and scopes of VDA 5050"
-        raise ContractError(text) from error
+        raise ContractError(
+            f"it does not fit the factsheet: {error}: use the texts, types and scopes of VDA 5050"
+        ) from error
 
 
 SAMPLE_INTERVAL: Final = 0.05

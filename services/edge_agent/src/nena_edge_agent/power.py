@@ -55,8 +55,7 @@ class PowerSettings(SettingsGroup):
     @model_validator(mode="after")
     def _in_pairs(self) -> Self:
         if self.wake_command and not self.hibernate_command:
-            message = "wake_command needs a hibernate_command"
-            raise ValueError(message)
+            raise ValueError("wake_command needs a hibernate_command")
         return self
 
     def offered(self, *, simulated: bool) -> frozenset[str]:

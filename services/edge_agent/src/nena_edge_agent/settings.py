@@ -28,15 +28,13 @@ from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_for
 def _topic_level(level: str) -> str:
     # VDA 5050 (4.2; 2.1: 6.3): no '/' in a level, and none of the signs that MQTT gives a meaning.
     if any(sign in level for sign in "/+#$") or not level.isprintable():
-        message = "a topic level must not contain '/', '+', '#', '$' or unprintable characters"
-        raise ValueError(message)
+        raise ValueError("a topic level must not contain '/', '+', '#', '$' or unprintable characters")
     return level
 
 
 def _optional_field(name: str) -> str:
     if name not in TOLERABLE:
-        message = f"{name!r} is not one of {', '.join(sorted(TOLERABLE))}"
-        raise ValueError(message)
+        raise ValueError(f"{name!r} is not one of {', '.join(sorted(TOLERABLE))}")
     return name
 
 
@@ -122,8 +120,7 @@ class IntervalSettings(SettingsGroup):
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         if self.state_minimum > self.state_maximum:
-            message = "state_minimum is longer than state_maximum"
-            raise ValueError(message)
+            raise ValueError("state_minimum is longer than state_maximum")
         return self
 
 

@@ -35,8 +35,7 @@ class Share:
         written = _WRITTEN.fullmatch(text)
         number, of = map(int, written.groups()) if written else (0, 0)
         if not 1 <= number <= of:
-            message = f"{text!r} is not a share; use 1/2 for the first of two, 2/2 for the second"
-            raise ValueError(message)
+            raise ValueError(f"{text!r} is not a share; use 1/2 for the first of two, 2/2 for the second")
         return cls(number, of)
 
     def __str__(self) -> str:
@@ -67,11 +66,9 @@ class PanelOidcSettings(OidcSettings):
     @model_validator(mode="after")
     def _check_together(self) -> Self:
         if (self.client_id is None) is not (self.panel_url is None):
-            message = "client_id and panel_url must be set together"
-            raise ValueError(message)
+            raise ValueError("client_id and panel_url must be set together")
         if "openid" not in self.scopes:
-            message = "scopes must contain openid"
-            raise ValueError(message)
+            raise ValueError("scopes must contain openid")
         return self
 
     def secret(self) -> str | None:

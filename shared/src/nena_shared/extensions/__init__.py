@@ -28,10 +28,12 @@ def installed(group: str, base: type[E]) -> dict[str, type[E]]:
             extension: Any = entry.load()
         # loading runs the extension's module, which may raise anything
         except Exception as error:
-            message = f"the extension {entry.name!r} ({entry.value}) cannot be loaded: {error}"
-            raise StartError(message) from error
+            raise StartError(
+                f"the extension {entry.name!r} ({entry.value}) cannot be loaded: {error}"
+            ) from error
         if not (isinstance(extension, type) and issubclass(extension, base)):
-            message = f"the extension {entry.name!r} ({entry.value}) is no {base.__module__}.{base.__name__}"
-            raise StartError(message)
+            raise StartError(
+                f"the extension {entry.name!r} ({entry.value}) is no {base.__module__}.{base.__name__}"
+            )
         found[entry.name] = extension
     return found

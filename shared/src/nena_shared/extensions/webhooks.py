@@ -293,8 +293,7 @@ class HttpReceiver:
                         break
                 return int(answer.status_code)
         except (self._httpx.HTTPError, self._httpx.InvalidURL) as error:
-            message = f"{type(error).__name__}: {error}"
-            raise ConnectionError(message) from error
+            raise ConnectionError(f"{type(error).__name__}: {error}") from error
 
 
 def check_names(settings: Iterable[WebhookSettings]) -> None:

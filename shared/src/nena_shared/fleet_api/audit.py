@@ -100,8 +100,7 @@ class AuditMark(Resource):
         """Read ``SEQUENCE:HASH``; raises ValueError."""
         sequence, _, hash_ = text.partition(":")
         if not sequence.isdecimal() or len(hash_) != len(GENESIS):
-            message = f"Invalid row {text!r}: use SEQUENCE:HASH, as printed by nena audit verify"
-            raise ValueError(message)
+            raise ValueError(f"Invalid row {text!r}: use SEQUENCE:HASH, as printed by nena audit verify")
         return cls(sequence=int(sequence), hash=hash_)
 
     def __str__(self) -> str:

@@ -58,8 +58,9 @@ def _refuse_digits(value: object) -> object:
     """Return a time; raise ValueError for digits that pydantic reads as a time of 1970, such as 20260101."""
     digits = str(value).strip() if isinstance(value, str | int | float) else ""
     if digits and _DIGITS.fullmatch(digits) and not _UNIX_TIME.fullmatch(digits):
-        message = "write ISO 8601, such as 2026-01-31T10:00:00Z, or a Unix time of 10 (s) or 13 (ms) digits"
-        raise ValueError(message)
+        raise ValueError(
+            "write ISO 8601, such as 2026-01-31T10:00:00Z, or a Unix time of 10 (s) or 13 (ms) digits"
+        )
     return value
 
 

@@ -88,8 +88,7 @@ LONGEST_ID = 200
 def _addressed(zone_set: ZoneSet) -> ZoneSet:
     name = zone_set.zone_set_id
     if not 1 <= len(name) <= LONGEST_ID or not name.isprintable() or "/" in name:
-        message = f"zoneSetId must have 1 to {LONGEST_ID} printable characters and no '/'"
-        raise ValueError(message)
+        raise ValueError(f"zoneSetId must have 1 to {LONGEST_ID} printable characters and no '/'")
     return zone_set
 
 
@@ -183,8 +182,7 @@ def png_size(image: bytes) -> tuple[int, int] | None:
 def _png(image: bytes) -> bytes:
     size = png_size(image)
     if size is None or len(image) > PNG_LIMIT or not all(0 < side <= SIDE_LIMIT for side in size):
-        message = f"must be a PNG image of at most {SIDE_LIMIT} pixels a side and {PNG_LIMIT} bytes"
-        raise ValueError(message)
+        raise ValueError(f"must be a PNG image of at most {SIDE_LIMIT} pixels a side and {PNG_LIMIT} bytes")
     return image
 
 

@@ -45,8 +45,7 @@ class PlantDraftRequest(Request):
     @model_validator(mode="after")
     def _has_one_source(self) -> Self:
         if sum(each is not None for each in (self.model, self.file, self.from_version)) > 1:
-            message = "give only one of model, file and fromVersion"
-            raise ValueError(message)
+            raise ValueError("give only one of model, file and fromVersion")
         return self
 
 
@@ -157,8 +156,7 @@ class PlantRunRequest(Request):
     @model_validator(mode="after")
     def _has_a_map(self) -> Self:
         if (self.program is PlantProgram.MAP) is not (self.map is not None):
-            message = "give map for the program MAP, and for no other"
-            raise ValueError(message)
+            raise ValueError("give map for the program MAP, and for no other")
         return self
 
 

@@ -124,8 +124,7 @@ class OrderChange(Request):
     @model_validator(mode="after")
     def _changes_something(self) -> Self:
         if self.model_fields_set.isdisjoint(OrderChange.model_fields):
-            message = "set at least one of priority, intendedVehicle, deadline and timeout"
-            raise ValueError(message)
+            raise ValueError("set at least one of priority, intendedVehicle, deadline and timeout")
         return self
 
     @property
@@ -186,8 +185,7 @@ class OrderTypesRequest(Request):
     def _each_once(self) -> Self:
         names = [order_type.name for order_type in self.acceptable_order_types]
         if len(names) != len(set(names)):
-            message = "list each type once"
-            raise ValueError(message)
+            raise ValueError("list each type once")
         return self
 
 
@@ -214,8 +212,7 @@ class DispatchRequest(Request):
     @model_validator(mode="after")
     def _one_place(self) -> Self:
         if sum(place is not None for place in (self.point, self.location_name, self.coordinate)) != 1:
-            message = "set exactly one of point, locationName and coordinate"
-            raise ValueError(message)
+            raise ValueError("set exactly one of point, locationName and coordinate")
         return self
 
     def destination(self) -> Destination:
@@ -257,8 +254,7 @@ class InstantActionRequest(Request):
     @model_validator(mode="after")
     def _pose_where_needed(self) -> Self:
         if (self.action_type == "initializePosition") != (self.pose is not None):
-            message = "a pose is required for initializePosition and not allowed for other actions"
-            raise ValueError(message)
+            raise ValueError("a pose is required for initializePosition and not allowed for other actions")
         return self
 
 

@@ -47,8 +47,7 @@ class ScheduleRequest(ScheduleDefinition, Request):
     @model_validator(mode="after")
     def _has_validity(self) -> Self:
         if self.valid_from and self.valid_until and self.valid_from >= self.valid_until:
-            message = "validFrom must be before validUntil"
-            raise ValueError(message)
+            raise ValueError("validFrom must be before validUntil")
         return self
 
 

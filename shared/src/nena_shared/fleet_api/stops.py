@@ -27,8 +27,7 @@ class Area(Request):
     @model_validator(mode="after")
     def _not_empty(self) -> Self:
         if not (self.x_min < self.x_max and self.y_min < self.y_max):
-            message = "xMin must be less than xMax, and yMin less than yMax"
-            raise ValueError(message)
+            raise ValueError("xMin must be less than xMax, and yMin less than yMax")
         return self
 
     def contains(self, x: float, y: float) -> bool:

@@ -58,18 +58,15 @@ class FailureStep(Request):
     @model_validator(mode="after")
     def _makes_sense(self) -> Self:
         if self.times > 1 and self.do in ONCE:
-            message = f"{self.do} is done once: omit times"
-            raise ValueError(message)
+            raise ValueError(f"{self.do} is done once: omit times")
         if self.after and self.do not in (FailureMeasure.RETRY, FailureMeasure.REPLAN):
-            message = f"{self.do} does not wait: omit after"
-            raise ValueError(message)
+            raise ValueError(f"{self.do} does not wait: omit after")
         return self
 
 
 def _ends_once(steps: tuple[FailureStep, ...]) -> tuple[FailureStep, ...]:
     if any(step.do.last for step in steps[:-1]):
-        message = "HOLD and FAIL must be last"
-        raise ValueError(message)
+        raise ValueError("HOLD and FAIL must be last")
     return steps
 
 
@@ -200,8 +197,7 @@ class Destination(Request):
     @model_validator(mode="after")
     def _one_place(self) -> Self:
         if (self.location_name is None) == (self.coordinate is None):
-            message = "set either locationName or coordinate"
-            raise ValueError(message)
+            raise ValueError("set either locationName or coordinate")
         return self
 
 

@@ -587,8 +587,9 @@ class MqttLink:
             for each in new:
                 each.ends += 1
             topics = ", ".join(each.topic_filter for each in new[:NAMES_LOGGED])
-            text = f"{error}; the subscription is to {topics}: check the broker's access list"
-            raise MqttError(text) from None
+            raise MqttError(
+                f"{error}; the subscription is to {topics}: check the broker's access list"
+            ) from None
         # 0x80 in MQTT 3.1.1 (3.9.3); ejabberd answers 0x8F; Mosquitto grants all, and withholds messages
         refused = [
             each for each, code in zip(new, granted, strict=True) if getattr(code, "is_failure", False)

@@ -59,8 +59,7 @@ class MapTransform:
     def __post_init__(self) -> None:
         values = (self.scale, self.rotation_rad, self.offset_x_m, self.offset_y_m)
         if not all(map(isfinite, values)) or self.scale <= 0:
-            msg = f"a map transform needs finite numbers and a scale above 0, not {self}"
-            raise ValueError(msg)
+            raise ValueError(f"a map transform needs finite numbers and a scale above 0, not {self}")
 
     def to_map(self, place: PlantPlace | PlantPose) -> MapPlace:
         """Convert a plant position to the map frame."""
@@ -121,8 +120,7 @@ def parse_transform(text: str) -> MapTransform:
     pairs = [_PAIR.fullmatch(part) for part in text.split()]
     values = {pair[1]: pair[2] for pair in pairs if pair}
     if not values or len(values) < len(pairs):  # a word that is no pair, or a key twice
-        msg = f"{text!r} is not of the form {_WANTED}"
-        raise ValueError(msg)
+        raise ValueError(f"{text!r} is not of the form {_WANTED}")
     numbers = {key: float(value) for key, value in values.items()}
     return MapTransform(
         scale=numbers.get("scale", 1.0),

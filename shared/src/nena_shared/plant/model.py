@@ -105,8 +105,9 @@ class EnergyThresholds(PlantRecord):
     @model_validator(mode="after")
     def _not_crossed(self) -> Self:
         if self.critical > self.good or self.sufficiently_recharged > self.fully_recharged:
-            msg = "crossed energy thresholds: critical <= good and sufficiently <= fully recharged must hold"
-            raise ValueError(msg)
+            raise ValueError(
+                "crossed energy thresholds: critical <= good and sufficiently <= fully recharged must hold"
+            )
         return self
 
 

@@ -53,8 +53,7 @@ class ActionStatus(StrEnum):
 
 def _check_sendable(value: JsonValue) -> JsonValue:
     if value is None:
-        message = "null is not a parameter value; omit the parameter"
-        raise ValueError(message)
+        raise ValueError("null is not a parameter value; omit the parameter")
     return finite(value)
 
 

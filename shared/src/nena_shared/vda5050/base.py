@@ -99,8 +99,7 @@ def finite(value: J) -> J:
         ValueError: it contains NaN or an infinity.
     """
     if not _is_finite(value):
-        message = "NaN and infinity are not JSON numbers"
-        raise ValueError(message)
+        raise ValueError("NaN and infinity are not JSON numbers")
     return value
 
 

@@ -122,8 +122,7 @@ class Zone(WireObject):
         # None, not false: an ACTION zone may have empty lists, and a factor 0
         if missing := [name for name in REQUIRED.get(self.zone_type, ()) if getattr(self, name) is None]:
             names = ", ".join(str(type(self).model_fields[name].alias) for name in missing)
-            message = f"a {self.zone_type} zone needs {names}"
-            raise ValueError(message)
+            raise ValueError(f"a {self.zone_type} zone needs {names}")
         return self
 
 
@@ -140,8 +139,7 @@ class ZoneSet(WireObject):
         seen: set[str] = set()
         for zone in self.zones:
             if zone.zone_id in seen:
-                message = f"zoneId {zone.zone_id!r} occurs twice in the zone set"
-                raise ValueError(message)
+                raise ValueError(f"zoneId {zone.zone_id!r} occurs twice in the zone set")
             seen.add(zone.zone_id)
         return self
 

@@ -181,8 +181,9 @@ class AccessControl:
             # these count, too: each has cost the check of a signature, and fills the log
             self._count_wrong(address)
             log.warning("invalid OIDC token", address=address, reason=str(error))
-            detail = f"The token is not accepted: {error}. Sign in again."
-            raise _unknown_user(detail, "invalid_token") from error
+            raise _unknown_user(
+                f"The token is not accepted: {error}. Sign in again.", "invalid_token"
+            ) from error
         except NoRoleError as error:
             self._count_wrong(address)
             log.warning("user without a role", address=address, reason=str(error))

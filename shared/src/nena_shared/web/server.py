@@ -374,9 +374,8 @@ def _listen(settings: HttpSettings) -> socket.socket:
             listener.close()
             raise
     except OSError as error:
-        message = (
+        raise StartError(
             f"cannot listen on {settings.host} port {settings.port}: {error.strerror}. "
             "Set http.port to a free port (0: any), or stop the program that uses it."
-        )
-        raise StartError(message) from error
+        ) from error
     return listener

@@ -27,18 +27,15 @@ def protected_url(url: str) -> str:
     parts = urlsplit(url)
     host = parts.hostname or ""
     if parts.scheme not in ("https", "http") or not host or parts.username is not None:
-        message = "must be an address such as https://login.example/realms/site"
-        raise ValueError(message)
+        raise ValueError("must be an address such as https://login.example/realms/site")
     if parts.scheme == "http" and not is_loopback(host):
-        message = "must be https: over http, keys could be replaced in transit"
-        raise ValueError(message)
+        raise ValueError("must be https: over http, keys could be replaced in transit")
     return url
 
 
 def _without_query(url: str) -> str:
     if "?" in url or "#" in url:
-        message = "must not contain ? or #"
-        raise ValueError(message)
+        raise ValueError("must not contain ? or #")
     return url
 
 

@@ -37,8 +37,7 @@ def parse_stop(text: str) -> Destination:
     if operation and not colon:
         name = operation
     if not name or not operation:
-        message = f"Invalid stop {text!r}: use NAME, NAME:OPERATION or @X,Y,THETA"
-        raise typer.BadParameter(message)
+        raise typer.BadParameter(f"Invalid stop {text!r}: use NAME, NAME:OPERATION or @X,Y,THETA")
     place: dict[str, object] = {"location_name": name}
     if name.startswith(COORDINATE):
         place = {"coordinate": parse_coordinate(name.removeprefix(COORDINATE))}
@@ -52,16 +51,16 @@ def parse_coordinate(text: str) -> Coordinate:
         x, y, theta = numbers if len(numbers) == WITH_HEADING else [*numbers, None]
         return Coordinate.model_validate({"x": x, "y": y, "theta": theta})
     except ValueError as error:
-        message = f"Invalid coordinate {text!r}: use X,Y or X,Y,THETA in m and rad (-3.14 to 3.14)"
-        raise typer.BadParameter(message) from error
+        raise typer.BadParameter(
+            f"Invalid coordinate {text!r}: use X,Y or X,Y,THETA in m and rad (-3.14 to 3.14)"
+        ) from error
 
 
 def parse_property(text: str) -> Property:
     """Parse ``KEY=VALUE``; raises typer.BadParameter."""
     key, equals, value = text.partition("=")
     if not equals or not key:
-        message = f"Invalid property {text!r}: use KEY=VALUE"
-        raise typer.BadParameter(message)
+        raise typer.BadParameter(f"Invalid property {text!r}: use KEY=VALUE")
     return Property(key=key, value=value)
 
 
@@ -77,20 +76,17 @@ def parse_measure(text: str) -> FailureStep:
     """
     parts = text.split(":")
     if len(parts) > len(FIELDS):
-        message = f"Invalid measure {text!r}: use MEASURE:TIMES:SECONDS"
-        raise typer.BadParameter(message)
+        raise typer.BadParameter(f"Invalid measure {text!r}: use MEASURE:TIMES:SECONDS")
     try:
         return FailureStep.model_validate(dict(zip(FIELDS, [parts[0].upper(), *parts[1:]], strict=False)))
     except ValidationError as error:
-        message = f"Invalid measure {text!r}: {'; '.join(problems_of(error))}"
-        raise typer.BadParameter(message) from error
+        raise typer.BadParameter(f"Invalid measure {text!r}: {'; '.join(problems_of(error))}") from error
 
 
 def refuse_beside_file(given: Collection[str]) -> None:
     """Raise typer.BadParameter if there are options of an order beside a file that contains the order."""
     if given:
-        message = f"--file contains the whole order: set {', '.join(given)} there instead"
-        raise typer.BadParameter(message)
+        raise typer.BadParameter(f"--file contains the whole order: set {', '.join(given)} there instead")
 
 
 Stops = Annotated[

@@ -468,8 +468,7 @@ def _write_reports(
 async def _ask_at_the_robot(what: str) -> None:
     question = f"Please {what}, then press Enter (s: skip)"
     if await asyncio.to_thread(typer.prompt, question, default="", show_default=False) == "s":
-        message = f"skipped: {what}"
-        raise NotApplicableError(message)
+        raise NotApplicableError(f"skipped: {what}")
 
 
 def _place_of(text: str) -> tuple[float, float]:

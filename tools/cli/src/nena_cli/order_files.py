@@ -34,8 +34,7 @@ def read_orders(lines: Iterable[str]) -> Iterator[tuple[int, TransportOrderReque
     try:
         text = list(lines)
     except UnicodeDecodeError as error:
-        message = "The file is not in UTF-8. Save it as CSV UTF-8."
-        raise typer.BadParameter(message) from error
+        raise typer.BadParameter("The file is not in UTF-8. Save it as CSV UTF-8.") from error
     header = text[0].removeprefix("\ufeff") if text else ""
     delimiter = max(DELIMITERS, key=header.count)
     rows = csv.DictReader([header, *text[1:]], delimiter=delimiter)
@@ -56,14 +55,12 @@ def read_orders(lines: Iterable[str]) -> Iterator[tuple[int, TransportOrderReque
             problems = (
                 problems_of(error, FINDINGS_SHOWN) if isinstance(error, ValidationError) else [str(error)]
             )
-            message = f"Line {rows.line_num}: {'; '.join(problems)}"
-            raise typer.BadParameter(message) from error
+            raise typer.BadParameter(f"Line {rows.line_num}: {'; '.join(problems)}") from error
 
 
 def _order_of_row(row: dict[str | Any, Any]) -> TransportOrderRequest:
     if None in row:
-        message = "more values than columns"
-        raise typer.BadParameter(message)
+        raise typer.BadParameter("more values than columns")
     given = {name: value.strip() for name, value in row.items() if value and value.strip()}
     stops = [parse_stop(each.strip()) for each in given.pop(STOPS, "").split(BETWEEN_STOPS) if each.strip()]
     fields: dict[str, Any] = dict(given)
@@ -84,13 +81,11 @@ def _parse_moment(text: str) -> datetime:
     try:
         return datetime.fromisoformat(text).astimezone()
     except ValueError as error:
-        message = f"deadline {text!r} is not a moment such as 2026-12-01T14:30"
-        raise typer.BadParameter(message) from error
+        raise typer.BadParameter(f"deadline {text!r} is not a moment such as 2026-12-01T14:30") from error
 
 
 def _whole_number(text: str) -> int:
     try:
         return int(text)
     except ValueError as error:
-        message = f"priority {text!r} is not a whole number"
-        raise typer.BadParameter(message) from error
+        raise typer.BadParameter(f"priority {text!r} is not a whole number") from error

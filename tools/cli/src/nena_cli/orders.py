@@ -237,8 +237,7 @@ def _local_moment(text: str | None) -> str | None:
     try:
         return datetime.fromisoformat(text).astimezone().isoformat()
     except ValueError as error:
-        message = f"Write the deadline {text!r} as 2026-01-31T10:00, or {NONE}"
-        raise typer.BadParameter(message) from error
+        raise typer.BadParameter(f"Write the deadline {text!r} as 2026-01-31T10:00, or {NONE}") from error
 
 
 @app.command()

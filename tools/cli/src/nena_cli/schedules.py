@@ -145,8 +145,7 @@ def _order_template(
 ) -> JsonValue:
     """Return the transport order of the stops and options, or of the file."""
     if bool(stops) == bool(file):
-        message = "Specify stops or --file"
-        raise typer.BadParameter(message)
+        raise typer.BadParameter("Specify stops or --file")
     if file is None:
         places: list[JsonValue] = [
             parse_stop(stop).model_dump(by_alias=True, exclude_unset=True) for stop in stops

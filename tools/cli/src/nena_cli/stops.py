@@ -74,11 +74,9 @@ def _parse_area(corners: str, map_id: str | None) -> Area:
     """Parse ``XMIN,YMIN,XMAX,YMAX``; raises typer.BadParameter."""
     numbers = corners.split(",")
     if len(numbers) != CORNERS:
-        message = f"Invalid area {corners!r}: use XMIN,YMIN,XMAX,YMAX in m"
-        raise typer.BadParameter(message)
+        raise typer.BadParameter(f"Invalid area {corners!r}: use XMIN,YMIN,XMAX,YMAX in m")
     names = ("x_min", "y_min", "x_max", "y_max")
     try:
         return Area.model_validate({**dict(zip(names, numbers, strict=True)), "map_id": map_id})
     except ValidationError as error:
-        message = f"Invalid area {corners!r}: {'; '.join(problems_of(error))}"
-        raise typer.BadParameter(message) from error
+        raise typer.BadParameter(f"Invalid area {corners!r}: {'; '.join(problems_of(error))}") from error

@@ -98,8 +98,7 @@ def order_types(
 ) -> None:
     """Set or show the order types that a vehicle accepts."""
     if none and types:
-        message = "Specify either types or --none"
-        raise typer.BadParameter(message)
+        raise typer.BadParameter("Specify either types or --none")
     if types or none:
         wanted: list[JsonValue] = [{"name": each, "priority": n} for n, each in enumerate(types or ())]
         vehicle = service.call(ORDER_TYPES, name, body={"acceptableOrderTypes": wanted})

@@ -165,8 +165,9 @@ class Client:
             status = self.call(SHOW_ORDER, order)
             while not status.state.final:
                 if end is not None and time.monotonic() >= end:
-                    message = f"order {order!r} has not ended after {timeout:g} s; it is {status.state.value}"
-                    raise TimeoutError(message)
+                    raise TimeoutError(
+                        f"order {order!r} has not ended after {timeout:g} s; it is {status.state.value}"
+                    )
                 next(events)  # also a heartbeat: an order that ended before the stream began has no event
                 status = self.call(SHOW_ORDER, order)
         return status
@@ -220,8 +221,7 @@ class Client:
                     raise RefusedError(problem_of(answer))
                 yield answer.iter_text()
         except httpx.TransportError as error:
-            message = f"{url}: {error}"
-            raise UnreachableError(message) from error
+            raise UnreachableError(f"{url}: {error}") from error
 
 
 class AsyncClient:
@@ -360,5 +360,4 @@ class AsyncClient:
                     raise RefusedError(problem_of(answer))
                 yield answer.aiter_text()
         except httpx.TransportError as error:
-            message = f"{url}: {error}"
-            raise UnreachableError(message) from error
+            raise UnreachableError(f"{url}: {error}") from error

@@ -185,8 +185,9 @@ class Attempt:
         """
         self.failures.append(f"{url}: {error}")
         if not self.call.repeatable and not isinstance(error, NOT_SENT):
-            message = f"{url}: {str(error) or type(error).__name__}; the request may have been executed"
-            raise UnreachableError(message) from error
+            raise UnreachableError(
+                f"{url}: {str(error) or type(error).__name__}; the request may have been executed"
+            ) from error
 
     def accepts(self, url: str, answer: httpx.Response) -> bool:
         """Return whether it is the answer of the active one; raises RefusedError."""
@@ -205,8 +206,9 @@ def read(operation: Operation[A], answer: httpx.Response) -> A:
     try:
         return operation.answer.model_validate_json(answer.content)
     except ValidationError as error:
-        message = f"{answer.url} answered {answer.status_code} and {_unknown_form(answer)}"
-        raise UnreachableError(message) from error
+        raise UnreachableError(
+            f"{answer.url} answered {answer.status_code} and {_unknown_form(answer)}"
+        ) from error
 
 
 def next_page(after: str | None, query: Query | None) -> Query:

@@ -72,11 +72,9 @@ def parse_address(
         tls = (tls or MqttTlsSettings()).model_copy(update={"enabled": parts.scheme == "mqtts"})
         port = parts.port or (8883 if tls.wanted else 1883)
     except ValueError as error:
-        message = f"Invalid broker URL '{url}': {error}"
-        raise BrokerError(message) from error
+        raise BrokerError(f"Invalid broker URL '{url}': {error}") from error
     if not is_broker(url) or not parts.hostname:
-        message = f"Invalid broker URL '{url}': use mqtt://host:port or mqtts://host:port"
-        raise BrokerError(message)
+        raise BrokerError(f"Invalid broker URL '{url}': use mqtt://host:port or mqtts://host:port")
     inline = unquote(parts.path.lstrip("/") + ("#" if url.endswith("#") else ""))
     settings = MqttSettings(
         host=parts.hostname,
@@ -200,8 +198,7 @@ async def replay(
             )
             count += 1
         if not await link.drain(DRAIN_WITHIN):
-            message = f"the broker did not accept all messages within {DRAIN_WITHIN:.0f} s"
-            raise BrokerError(message)
+            raise BrokerError(f"the broker did not accept all messages within {DRAIN_WITHIN:.0f} s")
     return count
 
 
@@ -232,8 +229,6 @@ async def _wait_for_connection(link: MqttLink) -> None:
             while not (link.state.connected or link.state.last_error):  # noqa: ASYNC110 - it has no event
                 await asyncio.sleep(0.02)
     if not link.state.connected:
-        message = f"Cannot connect to the broker: {link.state.last_error or 'no answer'}"
-        raise BrokerError(message)
+        raise BrokerError(f"Cannot connect to the broker: {link.state.last_error or 'no answer'}")
     if link.state.refused:
-        message = f"The broker refused the subscription to {', '.join(link.state.refused)}"
-        raise BrokerError(message)
+        raise BrokerError(f"The broker refused the subscription to {', '.join(link.state.refused)}")

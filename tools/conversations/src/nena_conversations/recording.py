@@ -48,8 +48,7 @@ class _Line(BaseModel):
     def _of_other_tools(cls, content: Any, info: Info) -> Any:  # noqa: ANN401 - whatever the JSON holds
         """Read what `mosquitto_sub` and others write: payloads as JSON, other names of the time or none."""
         if isinstance(content, dict) and {"payload", "payload_base64"}.isdisjoint(content):
-            problem = f"payload is missing; the fields are {', '.join(content)}"
-            raise ValueError(problem)
+            raise ValueError(f"payload is missing; the fields are {', '.join(content)}")
         if not isinstance(content, dict) or content.get("payload") is None:
             return content
         payload = content["payload"]
@@ -142,12 +141,10 @@ def read_file(path: Path) -> Iterator[Entry]:
         with path.open(encoding="utf-16" if start[:2] in _UTF_16 else "utf-8-sig") as file:
             yield from read(file, str(path))
     except OSError as error:
-        message = f"{path} cannot be read: {error}"
-        raise RecordingError(message) from error
+        raise RecordingError(f"{path} cannot be read: {error}") from error
     except UnicodeError as error:
         what = "a black box; open it in Foxglove" if start == b"\x89MCAP" else "no text"
-        message = f"{path} is {what}. {EXPECTED}"
-        raise RecordingError(message) from error
+        raise RecordingError(f"{path} is {what}. {EXPECTED}") from error
 
 
 def append(entry: Entry, file: TextIO) -> None:
@@ -165,8 +162,7 @@ def new_file(path: Path) -> Iterator[TextIO]:
 
     """
     if path.exists():
-        message = f"{path} already exists; choose another name or delete it"
-        raise FileExistsError(message)
+        raise FileExistsError(f"{path} already exists; choose another name or delete it")
     with path.open("x", encoding="utf-8") as file:
         try:
             yield file

@@ -89,8 +89,7 @@ def _keep_logs(folder: Path, target: Path | None, progress: ProgressPrinter) -> 
 
 def _number_of_robots(text: str) -> int:
     if not (text.isdecimal() and 1 <= int(text) <= MOST_ROBOTS):
-        message = f"'{text}' is not a number from 1 to {MOST_ROBOTS}"
-        raise argparse.ArgumentTypeError(message)
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number from 1 to {MOST_ROBOTS}")
     return int(text)
 
 

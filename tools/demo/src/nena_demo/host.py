@@ -91,8 +91,9 @@ class Host:
         try:
             await self.wait_for(lambda: key in self._answers, ANSWER_SECONDS)
         except TimeoutError as error:
-            message = f"no answer over MQTT within {ANSWER_SECONDS:.0f} s to the request for {request.name}"
-            raise RefusedError(message) from error
+            raise RefusedError(
+                f"no answer over MQTT within {ANSWER_SECONDS:.0f} s to the request for {request.name}"
+            ) from error
         answer = self._answers.pop(key)
         if answer.transport_order is None:
             raise RefusedError(answer.problem.detail if answer.problem else "refused without a reason")
@@ -205,8 +206,7 @@ async def run(host: Host) -> tuple[TransportOrderStatus, ...]:
     orders = tuple(host.orders[name] for name in names)
     for order in orders:
         if order.state is not TransportOrderState.FINISHED:
-            message = f"{order.name} ended as {order.state}: {order.reason}"
-            raise JobFailedError(message)
+            raise JobFailedError(f"{order.name} ended as {order.state}: {order.reason}")
     return orders
 
 

@@ -55,8 +55,7 @@ class Authority:
         """Load a CA from the output of :attr:`pem` and :meth:`key_pem`."""
         private = serialization.load_pem_private_key(key.read_bytes(), None)
         if not isinstance(private, ec.EllipticCurvePrivateKey):
-            message = f"{key} is not the key of a CA created by nena-deploy"
-            raise TypeError(message)
+            raise TypeError(f"{key} is not the key of a CA created by nena-deploy")
         return cls(x509.load_pem_x509_certificate(certificate.read_bytes()), private)
 
     @property

@@ -242,8 +242,7 @@ def add_user(
     token = new_token()
     with errors_reported(), locked(file):
         if not NAME.fullmatch(name):
-            message = f"Invalid user name {name!r}: use 1 to 64 letters, digits or any of _ . @ -"
-            raise IdentityError(message)
+            raise IdentityError(f"Invalid user name {name!r}: use 1 to 64 letters, digits or any of _ . @ -")
         others = [each for each in (read_users(file) if file.exists() else ()) if each.name != name]
         write_users(file, [*others, User(name=name, role=Role[role.name], token_sha256=hash_of(token))])
         if group is not None:
@@ -257,8 +256,7 @@ def remove_user(file: UsersFile, name: str) -> None:
     with errors_reported(), locked(file):
         users = read_users(file)
         if name not in {each.name for each in users}:
-            message = f"No user {name} in {file}."
-            raise IdentityError(message)
+            raise IdentityError(f"No user {name} in {file}.")
         write_users(file, [each for each in users if each.name != name])
 
 
@@ -275,8 +273,7 @@ def _set_group(group: str, file: Path) -> None:
     try:
         shutil.chown(file, group=group)
     except LookupError as error:
-        message = f"No group {group}. Create it: groupadd --system {group}"
-        raise IdentityError(message) from error
+        raise IdentityError(f"No group {group}. Create it: groupadd --system {group}") from error
     file.chmod(0o640)
 
 

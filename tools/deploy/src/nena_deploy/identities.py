@@ -76,8 +76,7 @@ def host_name(name: str) -> str:
     """
     # An access list knows names only: such a host would have the rights of the service.
     if name in {Kind.ORDER_SERVICE, Kind.STATUS_AGGREGATOR}:
-        message = f"{name} is the name of a service. Choose another name."
-        raise IdentityError(message)
+        raise IdentityError(f"{name} is the name of a service. Choose another name.")
     return _check_length(_check_level("name", name))
 
 
@@ -97,18 +96,16 @@ def device_name(location: str) -> str:
 
 def _check_length(name: str) -> str:
     if len(name.encode(errors="replace")) > COMMON_NAME:
-        message = f"{name} is too long: certificates hold {COMMON_NAME} bytes of UTF-8."
-        raise IdentityError(message)
+        raise IdentityError(f"{name} is too long: certificates hold {COMMON_NAME} bytes of UTF-8.")
     return name
 
 
 def _check_level(what: str, text: str) -> str:
     if not LEVEL.fullmatch(text):
-        message = (
+        raise IdentityError(
             f"The {what} {text!r} is not valid in a topic: use 1 to 64 characters without / + #, "
             "no leading dot, $ or space, no trailing space."
         )
-        raise IdentityError(message)
     return text
 
 

@@ -63,8 +63,7 @@ def _take_lock(descriptor: int, path: Path, end: float) -> None:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             if time.monotonic() > end:
-                message = f"Another nena-deploy is using {path}. Wait for it or stop it."
-                raise BusyError(message) from None
+                raise BusyError(f"Another nena-deploy is using {path}. Wait for it or stop it.") from None
             time.sleep(LOCK_RETRY)
         else:
             return
@@ -197,8 +196,7 @@ class Site:
 
         """
         if folder.exists() and any(folder.iterdir()):
-            message = f"{folder} is not empty. Choose a new folder."
-            raise SiteError(message)
+            raise SiteError(f"{folder} is not empty. Choose a new folder.")
         broker = folder / "broker"
         authority, server = _create_authority(hosts, days)
         for each in (folder, broker, folder / "authority"):
@@ -232,8 +230,9 @@ class Site:
             authority = Authority.load(folder / "authority" / "ca.pem", folder / "authority" / "ca-key.pem")
         except (OSError, ValueError, TypeError, UnsupportedAlgorithm) as error:
             reason = _reason_of(error)
-            message = f"{folder} is not a nena-deploy site ({reason}). Create one with `nena-deploy init`."
-            raise SiteError(message) from error
+            raise SiteError(
+                f"{folder} is not a nena-deploy site ({reason}). Create one with `nena-deploy init`."
+            ) from error
         return cls(folder, register, authority)
 
     def __iter__(self) -> Iterator[Identity]:
@@ -324,8 +323,7 @@ class Site:
         """
         identity = self._find_identity(kind, name)
         if identity is None:
-            message = f"No {kind} {name}. `nena-deploy list` shows all identities."
-            raise IdentityError(message)
+            raise IdentityError(f"No {kind} {name}. `nena-deploy list` shows all identities.")
         return identity
 
     def _find_identity(self, kind: Kind, name: str) -> Identity | None:

@@ -62,8 +62,9 @@ async def _serve_robots(settings: SimulatorSettings, stop: asyncio.Event) -> Non
     try:
         from nena_robot_simulator import node  # noqa: PLC0415 - after the environment is set
     except ImportError as error:
-        message = f"ROS 2 for Python is missing ({error}); install nena-robot-simulator[ros]"
-        raise StartError(message) from error
+        raise StartError(
+            f"ROS 2 for Python is missing ({error}); install nena-robot-simulator[ros]"
+        ) from error
     place = hall(**settings.map.model_dump())
     clock = SystemClock()
     robots: list[RobotNode] = []

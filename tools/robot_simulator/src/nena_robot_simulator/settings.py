@@ -19,11 +19,10 @@ _NAMESPACE = re.compile(r"(/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*)?"
 
 def _ros_namespace(namespace: str) -> str:
     if not _NAMESPACE.fullmatch(namespace):
-        message = (
+        raise ValueError(
             "a ROS namespace consists of letters, digits and underscores, with '/' between parts "
             "that do not start with a digit, e.g. r1 or hall_2/r1"
         )
-        raise ValueError(message)
     return namespace.removeprefix("/")
 
 
@@ -145,8 +144,7 @@ class MapSettings(SettingsGroup):
     def _has_room(self) -> Self:
         width, height = self.max_x - self.min_x, self.max_y - self.min_y
         if not (0 < width <= 1000 and 0 < height <= 1000):  # noqa: PLR2004 - named in the message
-            message = "width and height of the hall must be above 0 m and at most 1000 m"
-            raise ValueError(message)
+            raise ValueError("width and height of the hall must be above 0 m and at most 1000 m")
         return self
 
 
@@ -217,11 +215,13 @@ class SimulatorSettings(ProgramSettings):
     @model_validator(mode="after")
     def _copies_fit(self) -> Self:
         if self.copies > 1 and len(self.robots) != 1:
-            message = "copies need exactly one robot; without copies, define each robot in a [[robots]] table"
-            raise ValueError(message)
+            raise ValueError(
+                "copies need exactly one robot; without copies, define each robot in a [[robots]] table"
+            )
         if self.separate_domains and self.robots and self.robots[0].domain_id + self.copies - 1 > LAST_DOMAIN:
-            message = f"{self.copies} copies from domain ID {self.robots[0].domain_id} exceed {LAST_DOMAIN}"
-            raise ValueError(message)
+            raise ValueError(
+                f"{self.copies} copies from domain ID {self.robots[0].domain_id} exceed {LAST_DOMAIN}"
+            )
         return self
 
     @property
@@ -242,17 +242,14 @@ class SimulatorSettings(ProgramSettings):
     @model_validator(mode="after")
     def _robots_differ(self) -> Self:
         if not self.robots:
-            message = "robots is empty; omit it to simulate one robot with default settings"
-            raise ValueError(message)
+            raise ValueError("robots is empty; omit it to simulate one robot with default settings")
         names = Counter(robot.name for robot in self.robots)
         places = Counter((robot.domain_id, robot.namespace) for robot in self.robots)
         for name in (name for name, count in names.items() if count > 1):
-            message = f"duplicate robot name '{name}'; use unique names"
-            raise ValueError(message)
+            raise ValueError(f"duplicate robot name '{name}'; use unique names")
         for domain_id, namespace in (place for place, count in places.items() if count > 1):
-            message = (
+            raise ValueError(
                 f"two robots share domain {domain_id} and namespace '{namespace}'; "
                 "use a different namespace or domain_id for each"
             )
-            raise ValueError(message)
         return self

@@ -152,8 +152,7 @@ class ZoneSetDownload:
         except (DownloadError, MalformedMessageError, ValueError) as error:
             raise WorkFailedError(str(error)) from error
         if zone_set.zone_set_id != action.parameter("zoneSetId"):
-            message = f"{link} contains the zone set '{zone_set.zone_set_id}'"
-            raise WorkFailedError(message)
+            raise WorkFailedError(f"{link} contains the zone set '{zone_set.zone_set_id}'")
         return ActionReport(action.action_id, ActionStatus.FINISHED, zone_set=zone_set)
 
     def _read_zone_set(self, content: bytes) -> ZoneSet:
@@ -166,8 +165,7 @@ class ZoneSetDownload:
         try:
             value: Any = json.loads(content)
         except RecursionError as error:
-            message = "objects or arrays are nested too deeply"
-            raise ValueError(message) from error
+            raise ValueError("objects or arrays are nested too deeply") from error
         # Fleet controls offer the zoneSet object alone, or a whole message (VDA 5050 3.0, 6.2.3).
         inner = value.get(ENVELOPE, value) if isinstance(value, dict) else value
         header = {

@@ -183,13 +183,11 @@ def conform_value(value: JsonValue, shape: Shape, path: str) -> Any:  # noqa: AN
             return _read_scalar(value, shape, path)
         case ArrayShape():
             if not isinstance(value, list) or not shape.allows_count(len(value)):
-                text = f"{path}: {value!r} is not {shape.words}"
-                raise FieldError(text)
+                raise FieldError(f"{path}: {value!r} is not {shape.words}")
             return [conform_value(item, shape.item, f"{path}.{number}") for number, item in enumerate(value)]
         case Record():
             if not isinstance(value, dict):
-                text = f"{path}: {value!r} is not a table of the fields {_list_fields(shape)}"
-                raise FieldError(text)
+                raise FieldError(f"{path}: {value!r} is not a table of the fields {_list_fields(shape)}")
             if unknown := next((key for key in value if key not in shape.fields), None):
                 raise FieldError(_no_such_field(unknown, shape, path))
             return {
@@ -236,8 +234,7 @@ def _read_scalar(value: JsonValue, scalar: Scalar, path: str) -> Any:  # noqa: A
     limits = "" if scalar.longest is None else f" of {scalar.longest} characters at most"
     if scalar.kind is ScalarKind.INTEGER:
         limits = f" from {scalar.low} to {scalar.high}"
-    text = f"{path}: {value!r} is not {scalar.kind.value}{limits}"
-    raise FieldError(text)
+    raise FieldError(f"{path}: {value!r} is not {scalar.kind.value}{limits}")
 
 
 def _no_such_field(key: str, record: Record, path: str) -> str:
@@ -334,14 +331,14 @@ def _load_type(name: str, kind: str) -> Any:  # noqa: ANN401
     match = _NAME.fullmatch(name)
     if match is None or match.group(2) != kind:
         example = EXAMPLES[kind]
-        text = f"'{name}' is not a type name such as {example}"
-        raise UnknownTypeError(text)
+        raise UnknownTypeError(f"'{name}' is not a type name such as {example}")
     prepare_environment()
     try:
         return getattr(import_module(f"{match.group(1)}.{kind}"), match.group(3))
     except (ImportError, AttributeError) as error:
-        text = f"type '{name}' is not installed ({error}); source its workspace before the start"
-        raise UnknownTypeError(text) from error
+        raise UnknownTypeError(
+            f"type '{name}' is not installed ({error}); source its workspace before the start"
+        ) from error
 
 
 def _record_of(kind: Any, name: str) -> Record:  # noqa: ANN401

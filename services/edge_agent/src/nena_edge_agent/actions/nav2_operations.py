@@ -95,8 +95,7 @@ class Nav2Operation:
             raise WorkFailedError(str(error)) from error
         # Only the docking actions have this field.
         if result.get("success") is False:
-            message = "the server reports failure"
-            raise WorkFailedError(message)
+            raise WorkFailedError("the server reports failure")
         return ActionReport(action.action_id, ActionStatus.FINISHED, charging=self._settings.charging)
 
 

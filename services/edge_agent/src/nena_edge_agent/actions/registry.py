@@ -76,17 +76,14 @@ def make_plugins(name: str, context: PluginContext) -> tuple[ActionPlugin, ...]:
         created = factory(context)
         plugins = tuple(created) if isinstance(created, Iterable) else (created,)
     except PluginUnavailableError as error:
-        message = f"plug-in '{name}' does not work on this robot: {error}"
-        raise PluginBrokenError(message) from error
+        raise PluginBrokenError(f"plug-in '{name}' does not work on this robot: {error}") from error
     except Exception as error:
         log.exception("an action plug-in failed to start", plugin=name)
-        message = f"plug-in '{name}' failed to start: {_describe_error(error)}"
-        raise PluginBrokenError(message) from error
+        raise PluginBrokenError(f"plug-in '{name}' failed to start: {_describe_error(error)}") from error
     for plugin in plugins:
         declared = isinstance(getattr(plugin, "declaration", None), ActionDeclaration)
         if not declared or not callable(getattr(plugin, "start", None)):
-            message = f"plug-in '{name}' returned {plugin!r}, which lacks declaration or start"
-            raise PluginBrokenError(message)
+            raise PluginBrokenError(f"plug-in '{name}' returned {plugin!r}, which lacks declaration or start")
     return plugins
 
 
@@ -108,11 +105,9 @@ def _load_factory(name: str) -> PluginFactory:
         factory: Any = _entry_points()[name].load()
     except Exception as error:
         log.exception("an action plug-in cannot be loaded", plugin=name)
-        message = f"plug-in '{name}' cannot be loaded: {_describe_error(error)}"
-        raise PluginBrokenError(message) from error
+        raise PluginBrokenError(f"plug-in '{name}' cannot be loaded: {_describe_error(error)}") from error
     if not callable(factory):
-        message = f"plug-in '{name}' names {factory!r}, which does not create plug-ins"
-        raise PluginBrokenError(message)
+        raise PluginBrokenError(f"plug-in '{name}' names {factory!r}, which does not create plug-ins")
     return cast("PluginFactory", factory)
 
 

@@ -363,8 +363,7 @@ class Command:
                 return
             await asyncio.sleep(POLL_INTERVAL)
         if timeout and not self._publisher.listeners:
-            message = f"no node subscribes to {self._settings.topic}"
-            raise WorkFailedError(message)
+            raise WorkFailedError(f"no node subscribes to {self._settings.topic}")
 
     def begin(self, values: Mapping[str, JsonValue]) -> None:
         """Publish the command.

@@ -106,8 +106,7 @@ class PluginRos:
 
         """
         if self._session is None or self._session.state is not SessionState.ACTIVE:
-            message = "the robot's ROS session is not active"
-            raise RosError(message)
+            raise RosError("the robot's ROS session is not active")
         return self._session
 
     def publisher(self, topic: str, type_name: str) -> Publisher:
@@ -254,8 +253,7 @@ class _Client:
         await _wait_for_server(self._client, f"the service {self._service}", min(FOUND_WITHIN, seconds))
         response = await session.call(self._client, request, seconds=seconds)
         if response is None:
-            text = f"the service {self._service} did not answer within {seconds:g} s"
-            raise RosError(text)
+            raise RosError(f"the service {self._service} did not answer within {seconds:g} s")
         return read_fields(response)
 
 
@@ -312,8 +310,7 @@ class _Action:
                 text = "refuses the goal" if answer is not None else "does not answer"
                 if answer is None:  # it may accept the goal later, when this action has failed
                     await self._cancel_goal(session, request.goal_id)
-                message = f"the action {self._name} {text}: is its server active?"
-                raise RosError(message)
+                raise RosError(f"the action {self._name} {text}: is its server active?")
             return await self._await_result(session, request.goal_id)
         except asyncio.CancelledError:
             await self._cancel_goal(session, request.goal_id)
@@ -365,8 +362,7 @@ class _Action:
                 servers = servers or seen
                 # Measured (1.3.13): a killed server seems ready for 20 s; its goals never get a result.
                 if seen - servers or (servers and not seen):
-                    message = f"the server of {self._name} has ended or was restarted during the goal"
-                    raise RosError(message)
+                    raise RosError(f"the server of {self._name} has ended or was restarted during the goal")
             await asyncio.wait((call,), timeout=RESULT_WAIT)
             answer = call.result() if call.done() else None
         finally:
@@ -377,8 +373,9 @@ class _Action:
             if self._statuses[key].terminal:
                 return self._statuses[key], answer
             await asyncio.sleep(GLANCE)
-        message = f"{self._name} has sent no result, and its status array does not show the end of the goal"
-        raise RosError(message)
+        raise RosError(
+            f"{self._name} has sent no result, and its status array does not show the end of the goal"
+        )
 
     async def _cancel_goal(self, session: RosSession, goal_id: Any) -> None:  # noqa: ANN401
         request = self._cancel.srv_type.Request()
@@ -413,8 +410,7 @@ async def _wait_for_server(client: Any, what: str, seconds: float) -> None:  # n
         if client.service_is_ready():
             return
         await asyncio.sleep(LOOK_EVERY)
-    text = f"no node offers {what}"
-    raise RosError(text)
+    raise RosError(f"no node offers {what}")
 
 
 def installed(find: Callable[[str], T], name: str) -> T:

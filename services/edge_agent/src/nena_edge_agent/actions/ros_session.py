@@ -54,8 +54,7 @@ class SessionSwitch:
     def manager(self) -> SessionManager:
         """Return the session; raise WorkFailedError if there is none."""
         if self._manager is None:
-            message = "the robot has not started yet"
-            raise WorkFailedError(message)
+            raise WorkFailedError("the robot has not started yet")
         return self._manager
 
 
@@ -85,8 +84,7 @@ class SessionAction:
             await self.work(self.switch, action)
         except SessionError as error:
             # The session continues to try: only this action has failed.
-            message = f"{error}; {manager.address}; retried until it is stopped"
-            raise WorkFailedError(message) from error
+            raise WorkFailedError(f"{error}; {manager.address}; retried until it is stopped") from error
         return ActionReport(
             action.action_id, ActionStatus.FINISHED, f"ROS session {manager.state}, {manager.address}"
         )
@@ -122,14 +120,12 @@ def session_actions(switch: SessionSwitch) -> tuple[ActionPlugin, ...]:
 async def _configure_session(switch: SessionSwitch, action: Action) -> None:
     address, keep = _wanted_address(switch.manager.address, action), action.parameter(KEEP.key) is True
     if keep and switch.store is None:
-        message = "the address cannot be kept: journal.enabled is false"
-        raise WorkFailedError(message)
+        raise WorkFailedError("the address cannot be kept: journal.enabled is false")
     if keep and switch.store:  # first: a session that fails to start there is retried there
         try:
             await asyncio.to_thread(switch.store.write, address, switch.settings)
         except OSError as error:
-            message = f"unchanged: the address cannot be stored: {error}"
-            raise WorkFailedError(message) from error
+            raise WorkFailedError(f"unchanged: the address cannot be stored: {error}") from error
     if address != switch.manager.address:
         await switch.manager.move(address)
 
@@ -138,8 +134,7 @@ def _wanted_address(address: RosAddress, action: Action) -> RosAddress:
     """Return the address that the action requests; missing parts stay unchanged."""
     namespace, domain_id = action.parameter(NAMESPACE.key), action.parameter(DOMAIN_ID.key)
     if namespace is None and domain_id is None:
-        message = "namespace or domainId required"
-        raise WorkFailedError(message)
+        raise WorkFailedError("namespace or domainId required")
     try:
         return address.changed(
             namespace=namespace if isinstance(namespace, str) else None,

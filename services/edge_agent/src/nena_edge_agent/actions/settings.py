@@ -104,8 +104,7 @@ class CommandSettings(SettingsGroup):
     @model_validator(mode="after")
     def _both_pause_and_resume(self) -> Self:
         if (self.on_pause is None) is not (self.on_resume is None):
-            message = "set on_pause and on_resume together"
-            raise ValueError(message)
+            raise ValueError("set on_pause and on_resume together")
         return self
 
 
@@ -228,8 +227,7 @@ class Nav2OperationSettings(OperationBase):
     def _check_scope(self) -> Self:
         # Only SOFT and HARD forbid the order's own driving meanwhile (VDA 5050, 6.2.2; 2.1: 6.12).
         if self.scopes != (ActionScope.NODE,) or BlockingType.NONE in self.blocking_types:
-            message = "an action that drives needs the scope NODE and the blocking type SOFT or HARD"
-            raise ValueError(message)
+            raise ValueError("an action that drives needs the scope NODE and the blocking type SOFT or HARD")
         return self
 
 

@@ -88,8 +88,7 @@ class _Area(_Command):
     @model_validator(mode="after")
     def _both_coordinates(self) -> Self:
         if (self.x is None) is not (self.y is None):
-            message = "specify both x and y, or neither"
-            raise ValueError(message)
+            raise ValueError("specify both x and y, or neither")
         return self
 
     @property
@@ -285,8 +284,7 @@ class SimulationControl:
         """
         robot = self._robot
         if robot is None or robot.driver.ended:
-            message = "the robot is not running; send the command again later"
-            raise CommandRefusedError(message)
+            raise CommandRefusedError("the robot is not running; send the command again later")
         match command:
             case CutLink(seconds=seconds):
                 self._cut_link(seconds)

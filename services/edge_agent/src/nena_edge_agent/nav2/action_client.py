@@ -189,14 +189,12 @@ def feedback_reading(message: Any) -> FeedbackReading:  # noqa: ANN401
     goal_id, feedback = bytes(message.goal_id.uuid).hex(), message.feedback
     if hasattr(feedback, "distance_to_goal"):  # nav2_msgs/FollowPath
         if not math.isfinite(feedback.distance_to_goal):
-            text = f"distance {feedback.distance_to_goal}"
-            raise UnusablePoseError(text)
+            raise UnusablePoseError(f"distance {feedback.distance_to_goal}")
         return FeedbackReading(goal_id, 0.0, 0.0, 0.0, "", left=feedback.distance_to_goal, recoveries=0)
     position, turn = feedback.current_pose.pose.position, feedback.current_pose.pose.orientation
     yaw = yaw_of(turn.x, turn.y, turn.z, turn.w)
     if yaw is None or not math.isfinite(position.x + position.y + feedback.distance_remaining):
-        text = f"x {position.x}, y {position.y}, distance {feedback.distance_remaining}"
-        raise UnusablePoseError(text)
+        raise UnusablePoseError(f"x {position.x}, y {position.y}, distance {feedback.distance_remaining}")
     return FeedbackReading(
         goal_id=goal_id,
         x=position.x,

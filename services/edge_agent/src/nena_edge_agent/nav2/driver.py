@@ -171,19 +171,17 @@ class Nav2Driver:
             # rclpy reads the environment now; in a thread, because meanwhile the agent connects to the broker
             await asyncio.to_thread(__import__, "nena_edge_agent.nav2.node")
         except ImportError as error:
-            message = (
+            raise StartError(
                 f"ROS 2 for Python cannot be loaded ({error}): source the robot's ROS installation before "
                 "the start, or install nena-edge-agent[ros]"
-            )
-            raise StartError(message) from error
+            ) from error
         from nena_edge_agent.nav2.action_client import action_type  # noqa: PLC0415 - loads rclpy
 
         if self._settings.by_action_only and action_type(self._settings.navigation) is None:
-            message = (
+            raise StartError(
                 "nav2_msgs cannot be loaded: source the robot's ROS installation with Nav2 before the start, "
                 "or set ros.navigation = topics"
             )
-            raise StartError(message)
         self._transforms.check()
         if self._settings.start_session:
             with suppress(SessionError):  # reported, and retried

@@ -126,8 +126,7 @@ class MapServer:
         """
         # Nav2 itself would load it in the middle of a drive, and the goal would go on (Jazzy, 1.3.13).
         if self._user is not None and self._user.drives:
-            message = "the robot is moving: enable the map at standstill"
-            raise MapNotLoadedError(message)
+            raise MapNotLoadedError("the robot is moving: enable the map at standstill")
         self._change = f"map_server loads the map '{map_id}'"
         before, self.map_id = self.map_id, map_id
         try:
@@ -180,8 +179,7 @@ class MapServer:
 
         session = self._session
         if session is None:
-            message = "the robot's ROS session is not active"
-            raise MapNotLoadedError(message)
+            raise MapNotLoadedError("the robot's ROS session is not active")
         if not self._own_file:  # the map of its own settings, to which "" switches back
             own = GetParameters.Request(names=["yaml_filename"])
             own_answer = await self._parameters.call(own, seconds=self._settings.call_timeout)
@@ -189,17 +187,14 @@ class MapServer:
                 self._own_file = str(own_answer.values[0].string_value)
         path = file or self._own_file
         if not path:
-            message = "map_server has no file for the robot's own map (yaml_filename)"
-            raise MapNotLoadedError(message)
+            raise MapNotLoadedError("map_server has no file for the robot's own map (yaml_filename)")
         request = self._load.srv_type.Request(map_url=path)
         answer = await session.call(self._load, request, seconds=LOAD_TIMEOUT)
         if answer is None:
-            message = f"{self._load.srv_name} does not answer: is map_server running?"
-            raise MapNotLoadedError(message)
+            raise MapNotLoadedError(f"{self._load.srv_name} does not answer: is map_server running?")
         if answer.result:
             reason = PROBLEMS.get(answer.result, f"result {answer.result}")
-            message = f"map_server did not load {path}: {reason}"
-            raise MapNotLoadedError(message)
+            raise MapNotLoadedError(f"map_server did not load {path}: {reason}")
         log.info("map loaded", map_id=self.map_id, file=path)
         # Costmaps take the new map by themselves. One that rolls, or whose size and origin stay, would keep
         # the obstacles seen on the previous map (nav2_costmap_2d, StaticLayer::processMap).

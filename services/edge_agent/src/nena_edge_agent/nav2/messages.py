@@ -109,8 +109,7 @@ def pose_reading(message: Any) -> PoseReading:  # noqa: ANN401
     yaw = yaw_of(turn.x, turn.y, turn.z, turn.w)
     # rclpy accepts NaN and inf silently.
     if yaw is None or not (math.isfinite(place.x) and math.isfinite(place.y)):
-        text = f"x {place.x}, y {place.y}, quaternion {turn.x} {turn.y} {turn.z} {turn.w}"
-        raise UnusablePoseError(text)
+        raise UnusablePoseError(f"x {place.x}, y {place.y}, quaternion {turn.x} {turn.y} {turn.z} {turn.w}")
     covariance = message.pose.covariance
     return PoseReading(
         x=place.x,
@@ -133,8 +132,7 @@ def plan_points(message: Any) -> tuple[str, tuple[tuple[float, float], ...]]:  #
     """
     points = thinned([(pose.pose.position.x, pose.pose.position.y) for pose in message.poses])
     if not all(math.isfinite(x) and math.isfinite(y) for x, y in points):
-        text = "a plan with an invalid point"
-        raise UnusablePoseError(text)
+        raise UnusablePoseError("a plan with an invalid point")
     return message.header.frame_id, points
 
 

@@ -24,28 +24,27 @@ _NODE_NAME = re.compile(_TOKEN)
 
 def _ros_namespace(namespace: str) -> str:
     if not _NAMESPACE.fullmatch(namespace):
-        message = (
+        raise ValueError(
             "a ROS namespace consists of letters, digits and underscores, with '/' between its parts, "
             "and no part starts with a digit: r1 or hall_2/r1"
         )
-        raise ValueError(message)
     return "/" + namespace.removeprefix("/")
 
 
 def _ros_name(name: str) -> str:
     if not _NAME.fullmatch(name):
-        message = (
+        raise ValueError(
             "a ROS name consists of letters, digits and underscores, with '/' between its parts: amcl_pose, "
             "or /sensors/battery for one outside of the robot's namespace"
         )
-        raise ValueError(message)
     return name
 
 
 def _ros_node_name(name: str) -> str:
     if not _NODE_NAME.fullmatch(name):
-        message = "the name of a ROS node consists of letters, digits and underscores: nena_edge_agent"
-        raise ValueError(message)
+        raise ValueError(
+            "the name of a ROS node consists of letters, digits and underscores: nena_edge_agent"
+        )
     return name
 
 

@@ -135,10 +135,9 @@ class TransformWatch:
             StartError: poses by transforms are required, and their type cannot be loaded.
         """
         if self._settings.pose_source is PoseSource.TF and interface(TRANSFORMS) is None:
-            message = (
+            raise StartError(
                 "ros.pose_source: tf needs tf2_msgs; source the robot's ROS installation before the start"
             )
-            raise StartError(message)
 
     @property
     def problem(self) -> str:

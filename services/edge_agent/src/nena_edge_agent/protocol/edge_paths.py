@@ -153,13 +153,11 @@ def _spline_of(trajectory: Trajectory) -> PathTrajectory:
         )
     except ValidationError as invalid:
         first = invalid.errors()[0]
-        message = f"has an invalid {first['loc'][-1]}: {first['msg']}"
-        raise _InvalidTrajectoryError(message) from None
+        raise _InvalidTrajectoryError(f"has an invalid {first['loc'][-1]}: {first['msg']}") from None
     if problem := curve.fault(spline):
         raise _InvalidTrajectoryError(problem)
     if curve.has_gap(spline):
-        message = "has a gap: a knot is repeated more often than the degree"
-        raise _InvalidTrajectoryError(message)
+        raise _InvalidTrajectoryError("has a gap: a knot is repeated more often than the degree")
     return spline
 
 

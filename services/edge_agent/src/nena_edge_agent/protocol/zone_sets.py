@@ -105,24 +105,23 @@ class ZoneSets:
             ZoneSetRefusedError: it is not accepted.
         """
         if zone_set.zone_set_id in self._sets:
-            message = f"the robot already has a zone set '{zone_set.zone_set_id}'"
-            raise DuplicateZoneSetError(message)
+            raise DuplicateZoneSetError(f"the robot already has a zone set '{zone_set.zone_set_id}'")
         if len(self._sets) >= MAXIMUM_ZONE_SETS or len(zone_set.zones) > MAXIMUM_ZONES:
-            message = f"the robot can store {MAXIMUM_ZONE_SETS} zone sets of {MAXIMUM_ZONES} zones each"
-            raise ZoneSetLimitError(message)
+            raise ZoneSetLimitError(
+                f"the robot can store {MAXIMUM_ZONE_SETS} zone sets of {MAXIMUM_ZONES} zones each"
+            )
         for zone in zone_set.zones:
             if zone.zone_type not in self._supported:
-                message = (
+                raise ZoneSetRefusedError(
                     f"zone '{zone.zone_id}' is of type {zone.zone_type}, which the robot does not support"
                 )
-                raise ZoneSetRefusedError(message)
             if len(zone.vertices) > MAXIMUM_VERTICES:
-                message = f"zone '{zone.zone_id}' has more than {MAXIMUM_VERTICES} vertices"
-                raise ZoneSetLimitError(message)
+                raise ZoneSetLimitError(f"zone '{zone.zone_id}' has more than {MAXIMUM_VERTICES} vertices")
             # A drawn contour may cross itself; then inside and outside would be undefined.
             if not is_simple(_contour_of(zone)):
-                message = f"the contour of zone '{zone.zone_id}' crosses itself or has no area"
-                raise ZoneSetRefusedError(message)
+                raise ZoneSetRefusedError(
+                    f"the contour of zone '{zone.zone_id}' crosses itself or has no area"
+                )
         self._sets[zone_set.zone_set_id] = zone_set
         self._note_change()
 
@@ -148,15 +147,15 @@ class ZoneSets:
             ZoneSetRefusedError: the robot does not have it, or it is enabled.
         """
         if self._is_enabled(self._find_zone_set(zone_set_id)):
-            message = f"zone set '{zone_set_id}' is enabled; enable another one of its map first"
-            raise ZoneSetRefusedError(message)
+            raise ZoneSetRefusedError(
+                f"zone set '{zone_set_id}' is enabled; enable another one of its map first"
+            )
         del self._sets[zone_set_id]
         self._note_change()
 
     def _find_zone_set(self, zone_set_id: str) -> ZoneSet:
         if zone_set_id not in self._sets:
-            message = f"the robot has no zone set '{zone_set_id}'"
-            raise ZoneSetRefusedError(message)
+            raise ZoneSetRefusedError(f"the robot has no zone set '{zone_set_id}'")
         return self._sets[zone_set_id]
 
     def _is_enabled(self, zone_set: ZoneSet) -> bool:

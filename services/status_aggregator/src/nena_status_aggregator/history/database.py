@@ -141,12 +141,12 @@ def make_engine(url: str) -> Engine:
         timeouts = {"connect_timeout": CONNECT_SECONDS} if parsed.get_backend_name() == "postgresql" else {}
         engine = create_engine(parsed, pool_pre_ping=True, connect_args=timeouts)
     except (ArgumentError, ImportError) as error:
-        message = f"history.url is unusable: {error}. Use for example sqlite:///nena-history.db"
-        raise HistoryError(message) from error
+        raise HistoryError(
+            f"history.url is unusable: {error}. Use for example sqlite:///nena-history.db"
+        ) from error
     if engine.dialect.name == "sqlite":
         if parsed.database in (None, "", ":memory:"):
-            message = "history.url has no file name. Use for example sqlite:///nena-history.db"
-            raise HistoryError(message)
+            raise HistoryError("history.url has no file name. Use for example sqlite:///nena-history.db")
         event.listen(engine, "connect", _set_up_sqlite)
     if engine.dialect.driver == "psycopg":
         event.listen(engine, "connect", lambda connection, _: register_connection(engine, connection))
@@ -158,11 +158,9 @@ def _parse_url(url: str) -> URL:
     try:
         parsed = make_url(url)
     except (ArgumentError, ValueError):
-        message = "not a database URL"
-        raise ArgumentError(message) from None
+        raise ArgumentError("not a database URL") from None
     if "@" in (parsed.host or ""):  # the end of a password, which would appear in an error as an unknown host
-        message = "write an @ in a password as %40"
-        raise ArgumentError(message)
+        raise ArgumentError("write an @ in a password as %40")
     return parsed
 
 
@@ -188,11 +186,10 @@ def prepare(engine: Engine) -> None:
         if version is None:
             connection.execute(insert(schema_version).values(version=SCHEMA_VERSION))
         elif version != SCHEMA_VERSION:
-            message = (
+            raise HistoryError(
                 f"the history database has schema version {version}; this program needs {SCHEMA_VERSION}. "
                 "Use the release that created it, or another history.url"
             )
-            raise HistoryError(message)
 
 
 def write(engine: Engine, events: Sequence[Event]) -> None:

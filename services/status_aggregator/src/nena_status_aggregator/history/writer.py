@@ -82,11 +82,10 @@ class HistoryWriter:
             await self._in_thread(partial(database.prepare, self._engine))
         except SQLAlchemyError as error:
             if self._engine.dialect.name == "sqlite":
-                message = (
+                raise HistoryError(
                     f"history.url is unusable: {_first_line(error)}. Use a writable file, for example "
                     "sqlite:///nena-history.db, or disable the history with --history.url none"
-                )
-                raise HistoryError(message) from error
+                ) from error
             self._report_failure(error)
 
     async def run(self) -> None:

@@ -59,22 +59,20 @@ def read_chunk(payload: bytes) -> Chunk:
         BadChunkError: it is too large, not a chunk, or reaches beyond the end of its file.
     """
     if len(payload) > LARGEST_CHUNK:
-        message = f"chunk of {len(payload)} bytes exceeds the limit of {LARGEST_CHUNK}"
-        raise BadChunkError(message)
+        raise BadChunkError(f"chunk of {len(payload)} bytes exceeds the limit of {LARGEST_CHUNK}")
     head, _, data = payload.partition(_SEPARATOR)
     try:
         header = ChunkHeader.model_validate_json(head)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
-        message = f"{'.'.join(map(str, first['loc'])) or 'header'}: {first['msg']}"
-        raise BadChunkError(message) from error
+        raise BadChunkError(f"{'.'.join(map(str, first['loc'])) or 'header'}: {first['msg']}") from error
     # the receiver stores the file under this name: it must not lead to another folder
     if FILE_NAME.fullmatch(header.name) is None:
-        message = "name: not a file name"
-        raise BadChunkError(message)
+        raise BadChunkError("name: not a file name")
     if not data or header.offset + len(data) > header.size:
-        message = f"{len(data)} bytes at {header.offset} do not fit into a file of {header.size} bytes"
-        raise BadChunkError(message)
+        raise BadChunkError(
+            f"{len(data)} bytes at {header.offset} do not fit into a file of {header.size} bytes"
+        )
     return Chunk(header, data)
 
 

@@ -55,8 +55,7 @@ class BoundedHttp:
         """
         status, found = await self.ask("GET", url)
         if status != HTTPStatus.OK:
-            message = f"{url} answered {status}"
-            raise IssuerUnavailableError(message)
+            raise IssuerUnavailableError(f"{url} answered {status}")
         return found
 
     async def ask(
@@ -81,17 +80,13 @@ class BoundedHttp:
             ):
                 found = json.loads(await _read_body(answer))
         except TimeoutError as error:
-            message = f"{url} has not answered within {self._timeout:g} s"
-            raise IssuerUnavailableError(message) from error
+            raise IssuerUnavailableError(f"{url} has not answered within {self._timeout:g} s") from error
         except (httpx.HTTPError, httpx.InvalidURL) as error:
-            message = f"{url}: {str(error) or type(error).__name__}"
-            raise IssuerUnavailableError(message) from error
+            raise IssuerUnavailableError(f"{url}: {str(error) or type(error).__name__}") from error
         except (ValueError, RecursionError) as error:
-            message = f"{url} answered {answer.status_code}, which is not JSON"
-            raise IssuerUnavailableError(message) from error
+            raise IssuerUnavailableError(f"{url} answered {answer.status_code}, which is not JSON") from error
         if not isinstance(found, dict):
-            message = f"{url} answered with JSON that is not an object"
-            raise IssuerUnavailableError(message)
+            raise IssuerUnavailableError(f"{url} answered with JSON that is not an object")
         return answer.status_code, found
 
 
@@ -104,8 +99,7 @@ async def _read_body(answer: httpx.Response) -> bytes:
     async for chunk in answer.aiter_raw():
         body += chunk
         if len(body) > ANSWER_LIMIT:
-            message = f"{answer.url} answered with more than {ANSWER_LIMIT} bytes"
-            raise IssuerUnavailableError(message)
+            raise IssuerUnavailableError(f"{answer.url} answered with more than {ANSWER_LIMIT} bytes")
     return bytes(body)
 
 
@@ -140,12 +134,12 @@ def metadata_of(document: dict[str, Any], issuer: str) -> Metadata:
         found = Metadata.model_validate(document)
     except ValidationError as error:
         problems = "; ".join(in_words(error.errors(), whole="the document", most=PROBLEMS_SHOWN))
-        message = f"{metadata_url(issuer)} is invalid: {problems}"
-        raise IssuerUnavailableError(message) from error
+        raise IssuerUnavailableError(f"{metadata_url(issuer)} is invalid: {problems}") from error
     # OpenID Connect Discovery 1.0, 4.3: exactly equal, or one issuer could name the keys of another
     if found.issuer != issuer:
-        message = f"its issuer is {shortened(repr(found.issuer))}: set http.oidc.issuer to exactly this value"
-        raise IssuerUnavailableError(message)
+        raise IssuerUnavailableError(
+            f"its issuer is {shortened(repr(found.issuer))}: set http.oidc.issuer to exactly this value"
+        )
     return found
 
 
@@ -172,12 +166,10 @@ class KeySet:
         """
         listed = document.get("keys")
         if not isinstance(listed, list) or len(listed) > KEYS_LIMIT:
-            message = f"the document has no list of keys, or more than {KEYS_LIMIT} keys"
-            raise ValueError(message)
+            raise ValueError(f"the document has no list of keys, or more than {KEYS_LIMIT} keys")
         usable = [each for each in listed if isinstance(each, dict) and _is_usable(each)]
         if not usable:
-            message = "the document has no public signature key"
-            raise ValueError(message)
+            raise ValueError("the document has no public signature key")
         return cls(usable)
 
     def has(self, kid: str | None, algorithm: str) -> bool:
@@ -276,8 +268,7 @@ class Issuer:
         if key is None and self.problem:
             raise IssuerUnavailableError(self.problem)
         if key is None:
-            message = "the issuer does not have this key (kid)"
-            raise TokenRefusedError(message)
+            raise TokenRefusedError("the issuer does not have this key (kid)")
         return key
 
     async def _current_keys(self, serves: _Serves) -> _KnownKeys:
@@ -335,8 +326,7 @@ class Issuer:
         try:
             return KeySet.of(await self.http.get(url))
         except ValueError as error:
-            message = f"{url}: {error}"
-            raise IssuerUnavailableError(message) from error
+            raise IssuerUnavailableError(f"{url}: {error}") from error
 
     def _is_younger(self, known: _KnownKeys, seconds: float) -> bool:
         return self._clock.monotonic() - known.at < seconds

@@ -50,20 +50,18 @@ def header_of(token: str, algorithms: Sequence[str]) -> TokenHeader:
     """
     try:
         if len(token) > LENGTH_LIMIT:
-            message = "it is too long"
-            raise TokenRefusedError(message)
+            raise TokenRefusedError("it is too long")
         header = jwt.get_unverified_header(token)
     except UNREADABLE as error:
-        message = "it cannot be read"
-        raise TokenRefusedError(message) from error
+        raise TokenRefusedError("it cannot be read") from error
     algorithm = header.get("alg")
     if algorithm not in algorithms:
-        message = f"its signature algorithm is not accepted, only {', '.join(algorithms)} (alg)"
-        raise TokenRefusedError(message)
+        raise TokenRefusedError(
+            f"its signature algorithm is not accepted, only {', '.join(algorithms)} (alg)"
+        )
     # RFC 7515, 4.1.11: extensions that a reader must understand, and this one knows none
     if "crit" in header or str(header.get("typ") or "").lower() not in TYPES:
-        message = "its type is not accepted (typ, crit)"
-        raise TokenRefusedError(message)
+        raise TokenRefusedError("its type is not accepted (typ, crit)")
     return TokenHeader(header.get("kid"), str(algorithm))
 
 
@@ -88,8 +86,7 @@ def verified(
             options={"require": REQUIRED},
         )
     except flaws.MissingRequiredClaimError as error:
-        message = f"it lacks the claim {error.claim}"
-        raise TokenRefusedError(message) from error
+        raise TokenRefusedError(f"it lacks the claim {error.claim}") from error
     except UNREADABLE as error:
         raise TokenRefusedError(REASONS.get(type(error), "it cannot be read")) from error
     return claims

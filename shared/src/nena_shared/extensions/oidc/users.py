@@ -25,8 +25,7 @@ def user_of(claims: Mapping[str, Any], settings: OidcSettings) -> OidcUser:
     """
     subject = claims.get("sub")
     if not isinstance(subject, str) or not 0 < len(subject) <= SUBJECT_LIMIT or not subject.isprintable():
-        message = "it names no user (sub)"
-        raise TokenRefusedError(message)
+        raise TokenRefusedError("it names no user (sub)")
     name = _name_of(claims.get(settings.user_claim)) or subject[:NAME_LIMIT]
     return OidcUser(name, _role_of(name, claims, settings), subject, _end_of(claims, settings.leeway))
 
@@ -50,11 +49,10 @@ def _role_of(name: str, claims: Mapping[str, Any], settings: OidcSettings) -> Ro
     roles = [Role[role.upper()] for value, role in settings.roles.items() if value in given]
     if not roles:
         wanted = ", ".join(settings.roles)
-        message = (
+        raise NoRoleError(
             f"{name} has no role in NeNa. Ask the administrator of the issuer for one of: {wanted} "
             f"(claim {settings.roles_claim}), then sign in again."
         )
-        raise NoRoleError(message)
     return max(roles)
 
 
@@ -66,5 +64,4 @@ def _end_of(claims: Mapping[str, Any], leeway: float) -> datetime:
     try:
         return datetime.fromtimestamp(int(claims["exp"]), UTC) + timedelta(seconds=leeway)
     except (ValueError, TypeError, OverflowError, OSError) as error:
-        message = "its expiry (exp) is not a time"
-        raise TokenRefusedError(message) from error
+        raise TokenRefusedError("its expiry (exp) is not a time") from error

@@ -125,8 +125,7 @@ class TrajectoryV21(Trajectory):
     def finish_record(record: Any) -> Mapping[str, object]:  # noqa: ANN401 - it has the fields of the form
         """Reject trajectories without degree or knots, which only the codec adds."""
         if record.degree is None or record.knot_vector is None:
-            message = "degree and knots are filled in by the codec"
-            raise ValueError(message)
+            raise ValueError("degree and knots are filled in by the codec")
         return {}
 
     @model_validator(mode="after")
@@ -239,11 +238,10 @@ class OrderV21(Order):
         # not strict: the graph rules report a wrong number of edges
         for edge, (start, end) in zip(self.edges, pairwise(self.nodes), strict=False):
             if (edge.start_node_id, edge.end_node_id) != (start.node_id, end.node_id):
-                message = (
+                raise ValueError(
                     f"edge {edge.edge_id!r} goes from {edge.start_node_id!r} to {edge.end_node_id!r}, "
                     f"but is between {start.node_id!r} and {end.node_id!r}"
                 )
-                raise ValueError(message)
         return self
 
 

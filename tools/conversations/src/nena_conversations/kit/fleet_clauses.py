@@ -87,8 +87,7 @@ async def _repeated_order_is_the_same(fleet: FleetSession) -> None:
     first = len(fleet.player.orders)
     order = await fleet.ordered()
     if not await fleet.came_true(lambda: len(fleet.player.orders) > first + 1, fleet.answer_within):
-        message = "the fleet control sends no order again"
-        raise NotApplicableError(message)
+        raise NotApplicableError("the fleet control sends no order again")
     require(not _others(fleet, first, order), "another order follows one that the robot did not confirm")
     for each in fleet.sent_since(first):
         same = each.order_update_id != order.order_update_id or content_of(each) == content_of(order)
@@ -158,8 +157,7 @@ async def _refusal_blocks_nothing(fleet: FleetSession) -> None:
 async def _refused_update_is_not_sent_forever(fleet: FleetSession) -> None:
     order = await fleet.driving()
     if order.nodes[-1].released:
-        message = "the order came without a horizon, so no update follows"
-        raise NotApplicableError(message)
+        raise NotApplicableError("the order came without a horizon, so no update follows")
     fleet.player.robot.refuses_updates, fleet.player.holds = True, False
     first = len(fleet.player.orders)
     await fleet.came_true(lambda: len(fleet.player.orders) > first, fleet.answer_within)
@@ -328,8 +326,9 @@ async def _cancelled(fleet: FleetSession) -> int:
     first = len(fleet.player.instants)
     await fleet.ask(Wanted.CANCEL)
     if not await fleet.came_true(lambda: fleet.actions_since(first, "cancelOrder"), fleet.answer_within):
-        message = f"no cancelOrder came within {fleet.answer_within:g} s after it was asked for"
-        raise ClauseFailedError(message)
+        raise ClauseFailedError(
+            f"no cancelOrder came within {fleet.answer_within:g} s after it was asked for"
+        )
     return first
 
 
@@ -364,8 +363,7 @@ async def _next_order_waits_for_the_cancel(fleet: FleetSession) -> None:
     first, actions = len(fleet.player.orders), len(fleet.player.instants)
     await fleet.ask(Wanted.CANCEL)
     if not await fleet.came_true(lambda: fleet.actions_since(actions, "cancelOrder"), fleet.answer_within):
-        message = "no cancelOrder came"
-        raise NotApplicableError(message)
+        raise NotApplicableError("no cancelOrder came")
     await fleet.ask(Wanted.ORDER)
     await fleet.came_true(lambda: fleet.player.robot.cleared or _others(fleet, first, order), fleet.watch * 2)
     require(

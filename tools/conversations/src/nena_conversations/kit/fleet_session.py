@@ -145,8 +145,7 @@ class FleetSession(Listener):
             return bool(found)
 
         if not await self.came_true(look, self.answer_within):
-            message = f"no order came within {self.answer_within:g} s; {self.describe()}"
-            raise NotApplicableError(message)
+            raise NotApplicableError(f"no order came within {self.answer_within:g} s; {self.describe()}")
         return found[0]
 
     async def asked(self, what: str) -> Order:
@@ -176,8 +175,7 @@ class FleetSession(Listener):
             await self.taken(order)
             if len(order.nodes) > 1:
                 return order
-        message = "only orders with one node came, and none with a drive"
-        raise NotApplicableError(message)
+        raise NotApplicableError("only orders with one node came, and none with a drive")
 
     async def done(self, what: str) -> None:
         """Wait until the robot has done its order, horizon included; raises ClauseFailedError."""
@@ -187,8 +185,7 @@ class FleetSession(Listener):
     async def never(self, condition: Callable[[], Any], what: str) -> None:
         """Fail if a condition comes true while the fleet control is watched; raises ClauseFailedError."""
         if await self.came_true(condition, self.watch):
-            message = f"{what}; {self.describe()}"
-            raise ClauseFailedError(message)
+            raise ClauseFailedError(f"{what}; {self.describe()}")
 
     async def settle(self) -> None:
         """Give fleet control the time to notice a change."""

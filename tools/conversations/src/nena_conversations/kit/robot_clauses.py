@@ -205,8 +205,9 @@ async def _repeated_order_is_ignored(robot: RobotSession) -> None:
 @_clause("order/action", "An action of a node runs once, and its state stays", ("6.11", "6.6.9"))
 async def _node_action_runs(robot: RobotSession) -> None:
     if not robot.action:
-        message = "an action may move something: name one for nodes, without parameters, with --action"
-        raise NotApplicableError(message)
+        raise NotApplicableError(
+            "an action may move something: name one for nodes, without parameters, with --action"
+        )
     order_id = new_id()
     action = Action(action_type=robot.action, action_id=f"{order_id}-a", blocking_type=BlockingType.HARD)
     await robot.accepted(robot.order(order_id, 0, [robot.here(actions=(action,))]))
@@ -336,8 +337,7 @@ def _unknown(action_type: str, sections: tuple[str | None, str], **parameters: s
     async def action_fails(robot: RobotSession) -> None:
         actions = (await robot.factsheet()).protocol_features.mobile_robot_actions
         if action_type not in {each.action_type for each in actions}:
-            message = f"the factsheet does not list {action_type}"
-            raise NotApplicableError(message)
+            raise NotApplicableError(f"the factsheet does not list {action_type}")
         found = await robot.instant(action_type, **parameters)
         robot.require_end(found, ActionStatus.FAILED)
 
@@ -575,8 +575,7 @@ async def _begin_drive(robot: RobotSession, *, released: int, places: int = 2) -
 def _check_arrival(robot: RobotSession, state: State, place: int) -> None:
     position = state.mobile_robot_position
     if position is None:
-        message = "the robot has lost its position"
-        raise ClauseFailedError(message)
+        raise ClauseFailedError("the robot has lost its position")
     x, y = robot.plan[place]
     away = hypot(position.x - x, position.y - y)
     require(away <= ARRIVED, f"the robot reports its arrival {away:.2f} m from the node")

@@ -109,8 +109,7 @@ class Listener:
         """
         seconds = self.answer_within if within is None else within
         if not await self.came_true(condition, seconds):
-            message = f"{what} was expected within {seconds:g} s; {self.describe()}"
-            raise ClauseFailedError(message)
+            raise ClauseFailedError(f"{what} was expected within {seconds:g} s; {self.describe()}")
 
     async def came_true(self, condition: Callable[[], Any], within: float) -> bool:
         """Return whether a condition on what was heard comes true in time."""
@@ -198,15 +197,13 @@ class RobotSession(Listener):
             await self.came_true(lambda: self.heard.factsheet, self.answer_within)
             self._waits_for_factsheet = False
         if self.heard.factsheet is None:
-            message = "the robot has sent no readable factsheet"
-            raise NotApplicableError(message)
+            raise NotApplicableError("the robot has sent no readable factsheet")
         return self.heard.factsheet
 
     async def never(self, condition: Callable[[State], Any], what: str, seconds: float) -> None:
         """Fail if a state meets a condition within some seconds; raises ClauseFailedError."""
         if await self.came_true(lambda: self.heard.state and condition(self.heard.state), seconds):
-            message = f"{what}; {self.describe()}"
-            raise ClauseFailedError(message)
+            raise ClauseFailedError(f"{what}; {self.describe()}")
 
     def describe(self) -> str:
         """Return the robot's last state in words."""
@@ -222,8 +219,9 @@ class RobotSession(Listener):
     def require_plan(self, places: int) -> None:
         """Raise NotApplicableError if the plan has fewer places."""
         if len(self.plan) < places:
-            message = f"the robot drives to {places} places; pass --place x,y for each that it may drive to"
-            raise NotApplicableError(message)
+            raise NotApplicableError(
+                f"the robot drives to {places} places; pass --place x,y for each that it may drive to"
+            )
 
     def send(self, topic: Topic, message: Header) -> None:
         """Send a message with a header of the robot's version."""
@@ -276,10 +274,9 @@ class RobotSession(Listener):
         """Raise ClauseFailedError with the robot's own words unless an action has ended as it should."""
         if found.action_status is not wanted:
             result = f" ({found.action_result})" if found.action_result else ""
-            message = (
+            raise ClauseFailedError(
                 f"{found.action_type} ended {found.action_status}{result}, not {wanted}; {self.describe()}"
             )
-            raise ClauseFailedError(message)
 
     def send_instant(self, action_type: str, **parameters: object) -> str:
         """Send an instant action; return its ID."""
@@ -333,8 +330,7 @@ class RobotSession(Listener):
     def stand(self) -> Place:
         """Where the robot stands; raises ClauseFailedError if it has not said so."""
         if self._position is None:
-            message = "the robot has reported no position"
-            raise ClauseFailedError(message)
+            raise ClauseFailedError("the robot has reported no position")
         return self._position.x, self._position.y
 
     def here(self, *, actions: tuple[Action, ...] = ()) -> Node:
@@ -363,16 +359,14 @@ class RobotSession(Listener):
     async def ask(self, what: str) -> None:
         """Wait until a person at the robot has done something; raises NotApplicableError without one."""
         if self._person is None:
-            message = f"pass --person if somebody at the robot can {what}"
-            raise NotApplicableError(message)
+            raise NotApplicableError(f"pass --person if somebody at the robot can {what}")
         await self._person(what)
 
     async def refused(self, order_id: str, errors: Errors, what: str) -> State:
         """Wait for a new error, and check that the order was not taken; raises ClauseFailedError."""
         state = await self.state(lambda state: new_errors(state, errors), f"an error about {what}")
         if state.order_id == order_id:
-            message = f"the robot took {what}; {self.describe()}"
-            raise ClauseFailedError(message)
+            raise ClauseFailedError(f"the robot took {what}; {self.describe()}")
         return state
 
     async def done(self, order_id: str, within: float | None = None) -> State:

@@ -63,23 +63,20 @@ def read_map(path: Path) -> RobotMap:
     try:
         values = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        message = f"{path.name} is no YAML: {error}"
-        raise RobotMapError(message) from error
+        raise RobotMapError(f"{path.name} is no YAML: {error}") from error
     if not isinstance(values, dict) or not isinstance(values.get("image"), str):
-        message = f"{path.name} names no image. Pass the YAML file that map_saver wrote beside the image."
-        raise RobotMapError(message)
+        raise RobotMapError(
+            f"{path.name} names no image. Pass the YAML file that map_saver wrote beside the image."
+        )
     mode = values.get("mode", "trinary")
     if mode not in MODES:
-        message = f"{path.name}: mode {mode!r} is unknown. Use {', '.join(MODES)}."
-        raise RobotMapError(message)
+        raise RobotMapError(f"{path.name}: mode {mode!r} is unknown. Use {', '.join(MODES)}.")
     resolution = _number(path, "resolution", values.get("resolution"))
     if resolution <= 0:
-        message = f"{path.name}: resolution {resolution} must be greater than 0 (m)."
-        raise RobotMapError(message)
+        raise RobotMapError(f"{path.name}: resolution {resolution} must be greater than 0 (m).")
     origin = values.get("origin")
     if not isinstance(origin, list) or len(origin) != len(("x", "y", "yaw")):
-        message = f"{path.name}: origin {origin!r} must be [x, y, yaw]."
-        raise RobotMapError(message)
+        raise RobotMapError(f"{path.name}: origin {origin!r} must be [x, y, yaw].")
     x, y, yaw = (_number(path, "origin", each) for each in origin)
     image = _read_image(path.parent / values["image"])
     free = _free_cells(
@@ -93,8 +90,7 @@ def read_map(path: Path) -> RobotMap:
 
 def _number(path: Path, key: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-        message = f"{path.name}: {key} {value!r} must be a number."
-        raise RobotMapError(message)
+        raise RobotMapError(f"{path.name}: {key} {value!r} must be a number.")
     return float(value)
 
 
@@ -103,15 +99,15 @@ def _read_image(path: Path) -> NDArray[np.float64]:
     try:
         with Image.open(path) as image:
             if image.width * image.height > PIXELS_LIMIT:
-                message = f"{path.name} has {image.width} x {image.height} pixels; at most {PIXELS_LIMIT}."
-                raise RobotMapError(message)
+                raise RobotMapError(
+                    f"{path.name} has {image.width} x {image.height} pixels; at most {PIXELS_LIMIT}."
+                )
             if image.mode.startswith("I"):  # 16 bits
                 return np.asarray(image, dtype=np.float64)[..., None] / 257
             has_alpha = image.has_transparency_data
             return np.asarray(image.convert("RGBA" if has_alpha else "RGB"), dtype=np.float64)
     except (UnidentifiedImageError, Image.DecompressionBombError) as error:
-        message = f"{path.name} is no PGM, PNG or BMP."
-        raise RobotMapError(message) from error
+        raise RobotMapError(f"{path.name} is no PGM, PNG or BMP.") from error
 
 
 def _free_cells(

@@ -75,8 +75,7 @@ class RobotActionParameter(LifRecord):
     def _not_null(cls, value: JsonValue) -> JsonValue:
         # LIF 2.0 lists strings, numbers, booleans, arrays and objects.
         if value is None:
-            message = "must not be null"
-            raise ValueError(message)
+            raise ValueError("must not be null")
         return value
 
 

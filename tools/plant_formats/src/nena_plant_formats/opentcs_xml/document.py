@@ -54,11 +54,9 @@ class _BoundedTreeBuilder(TreeBuilder):
         self._depth += 1
         self._elements += 1
         if self._depth > self._limits.depth:
-            msg = f"elements are nested deeper than {self._limits.depth} levels"
-            raise _LimitExceededError(msg)
+            raise _LimitExceededError(f"elements are nested deeper than {self._limits.depth} levels")
         if self._elements > self._limits.elements:
-            msg = f"the file has more than {self._limits.elements} elements"
-            raise _LimitExceededError(msg)
+            raise _LimitExceededError(f"the file has more than {self._limits.elements} elements")
         return super().start(tag, attrs)
 
     def end(self, tag: str, /) -> Element:

@@ -213,8 +213,7 @@ def _drawn_by_properties(values: Mapping[str, str], layer_id: int) -> Drawn:
     position = tuple(_parse_integer(values[key]) for key in ("POSITION_X", "POSITION_Y") if key in values)
     color = values.get("ROUTE_COLOR") or values.get("COLOR")
     if color is not None and COLOR.fullmatch(color) is None:
-        msg = f"{color!r} is not a #RRGGBB colour"
-        raise ValueError(msg)
+        raise ValueError(f"{color!r} is not a #RRGGBB colour")
     return Drawn(
         position_mm=(position[0], position[1]) if len(position) == len("xy") else None,
         label=LabelLayout(
@@ -236,8 +235,7 @@ def _parse_pixels(text: str) -> tuple[tuple[int, int], ...]:
 
 def _parse_integer(text: str) -> int:
     if INTEGER.fullmatch(text.strip()) is None:
-        msg = f"{text!r} is not a whole number"
-        raise ValueError(msg)
+        raise ValueError(f"{text!r} is not a whole number")
     return int(text)
 
 

@@ -89,8 +89,7 @@ class _Drive(BackgroundAction):
     async def _dock_robot(self) -> ActionReport:
         start = self._drive.pose
         if start is None:
-            message = "the robot is not localised"
-            raise WorkFailedError(message)
+            raise WorkFailedError("the robot is not localised")
         goal = offset_pose(start, self._ahead, self._settings.left, self._settings.turn)
         while not await self._drive_once(goal):
             self._report(ActionReport(self._action_id, ActionStatus.PAUSED))

@@ -96,8 +96,7 @@ class TurnSignalSettings(RosOperationSettings):
     @model_validator(mode="after")
     def _has_off(self) -> Self:
         if "off" not in self.values:
-            message = "values must contain 'off'"
-            raise ValueError(message)
+            raise ValueError("values must contain 'off'")
         return self
 
 
@@ -128,6 +127,5 @@ class DockOperationSettings(OperationBase):
             BlockingType.SOFT,
             BlockingType.HARD,
         }:
-            message = "an action that drives needs the scope NODE and the blocking type SOFT or HARD"
-            raise ValueError(message)
+            raise ValueError("an action that drives needs the scope NODE and the blocking type SOFT or HARD")
         return self

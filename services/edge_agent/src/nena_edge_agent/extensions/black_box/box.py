@@ -115,6 +115,7 @@ class FetchRecording:
         try:
             name = await self._box.request()
         except OSError as error:
-            message = f"the recording was not written: {error}; check the disk and upload.folder"
-            raise WorkFailedError(message) from error
+            raise WorkFailedError(
+                f"the recording was not written: {error}; check the disk and upload.folder"
+            ) from error
         return ActionReport(action.action_id, ActionStatus.FINISHED, name)

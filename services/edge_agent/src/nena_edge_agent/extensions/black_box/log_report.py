@@ -53,8 +53,7 @@ class LogReport:
             if self._send:
                 await self._send(name, partial(Path.write_text, data=text, encoding="utf-8"))
         except (OSError, RuntimeError) as error:
-            message = f"the log report was not written: {error}"
-            raise WorkFailedError(message) from error
+            raise WorkFailedError(f"the log report was not written: {error}") from error
         return ActionReport(action.action_id, ActionStatus.FINISHED, name)
 
     def _write_file(self, name: str, text: str) -> None:

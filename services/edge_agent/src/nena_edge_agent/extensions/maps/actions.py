@@ -101,8 +101,7 @@ def _position_on_map(action: Action, map_id: str) -> Pose | None:
         return None
     numbers = [float(each) for each in found if isinstance(each, int | float)]
     if len(numbers) < len(_POSITION_PARAMETERS):
-        message = "specify x, y and theta together, or none of them"
-        raise MapRefusedError(message)
+        raise MapRefusedError("specify x, y and theta together, or none of them")
     x, y, theta = numbers
     return Pose(x, y, theta, map_id)
 

@@ -105,26 +105,24 @@ class MapBundle:
         try:
             return cls._read_archive(_open_archive(content))
         except _UNREADABLE as error:
-            message = f"the map is not a readable zip or tar archive ({error})"
-            raise BadBundleError(message) from error
+            raise BadBundleError(f"the map is not a readable zip or tar archive ({error})") from error
 
     @classmethod
     def _read_archive(cls, archive: _Zip | _Tar) -> MapBundle:
         named = [each for each in archive.names if each.lower().endswith((".yaml", ".yml"))]
         if len(named) != 1:
-            message = f"the map needs one YAML file in its archive, not {len(named)}"
-            raise BadBundleError(message)
+            raise BadBundleError(f"the map needs one YAML file in its archive, not {len(named)}")
         try:
             text = archive.read(named[0], YAML_LIMIT).decode().replace("\r\n", "\n")
         except UnicodeDecodeError:
-            message = f"{named[0]} is not text"
-            raise BadBundleError(message) from None
+            raise BadBundleError(f"{named[0]} is not text") from None
         entries = _read_entries(named[0], text)
         suffix = PurePosixPath(entries["image"]).suffix.lower()
         path = str(PurePosixPath(named[0]).parent / entries["image"])
         if suffix not in IMAGES or path not in archive.names:
-            message = f"{named[0]} names the image '{entries['image']}', which is not in the archive"
-            raise BadBundleError(message)
+            raise BadBundleError(
+                f"{named[0]} names the image '{entries['image']}', which is not in the archive"
+            )
         image = archive.read(path, IMAGE_LIMIT)
         _check_size(path, suffix, image)
         name = f"image{suffix}"
@@ -142,16 +140,13 @@ def _read_entries(name: str, text: str) -> dict[str, str]:
     entries = dict(lines)
     for key in REQUIRED:
         if key not in entries or (key == "image" and not entries[key]):
-            message = f"{name} has no '{key}'"
-            raise BadBundleError(message)
+            raise BadBundleError(f"{name} has no '{key}'")
     for key, value in lines:
         if key in _KEPT and not _KEPT[key].fullmatch(value):
-            message = f"{name}: '{key}' cannot be '{value[:100]}'"
-            raise BadBundleError(message)
+            raise BadBundleError(f"{name}: '{key}' cannot be '{value[:100]}'")
     origin = _ORIGIN.search(text)
     if origin is None:
-        message = f"{name}: 'origin' needs three numbers"
-        raise BadBundleError(message)
+        raise BadBundleError(f"{name}: 'origin' needs three numbers")
     numbers = ", ".join(group for group in origin.groups() if group)
     return {
         key: f"[{numbers}]" if key == "origin" else value
@@ -172,12 +167,10 @@ def _check_size(name: str, suffix: str, image: bytes) -> None:
     """
     size = _image_size(suffix, image)
     if size is None:
-        message = f"{name} is not a {suffix[1:].upper()} image"
-        raise BadBundleError(message)
+        raise BadBundleError(f"{name} is not a {suffix[1:].upper()} image")
     width, height = size
     if width * height > PIXELS_LIMIT:
-        message = f"{name} has {width} x {height} pixels; the maximum is {PIXELS_LIMIT}"
-        raise BadBundleError(message)
+        raise BadBundleError(f"{name} has {width} x {height} pixels; the maximum is {PIXELS_LIMIT}")
 
 
 def _image_size(suffix: str, image: bytes) -> tuple[int, int] | None:
@@ -204,8 +197,7 @@ class _Zip:
         entry = self._read_entries[name]
         # zipfile limits the output of deflate only; a block of bzip2 or LZMA is unpacked whole.
         if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            message = f"{name} has an unsupported compression; use deflate"
-            raise BadBundleError(message)
+            raise BadBundleError(f"{name} has an unsupported compression; use deflate")
         with self._file.open(entry) as file:
             return _limit_content(file.read(limit + 1), name, limit)
 
@@ -227,8 +219,7 @@ def _open_archive(content: bytes) -> _Zip | _Tar:
     if zipfile.is_zipfile(io.BytesIO(content)):
         # Before ZipFile, which reads the headers of all files at once.
         if content.count(_ZIP_ENTRY) > ENTRIES_LIMIT:
-            message = f"the map's archive has more than {ENTRIES_LIMIT} files"
-            raise BadBundleError(message)
+            raise BadBundleError(f"the map's archive has more than {ENTRIES_LIMIT} files")
         return _Zip(zipfile.ZipFile(io.BytesIO(content)))
     for first, unpack in _UNPACKERS.items():
         if content.startswith(first):
@@ -239,6 +230,5 @@ def _open_archive(content: bytes) -> _Zip | _Tar:
 
 def _limit_content(content: bytes, name: str, limit: int) -> bytes:
     if len(content) > limit:
-        message = f"{name} has more than {limit} bytes"
-        raise BadBundleError(message)
+        raise BadBundleError(f"{name} has more than {limit} bytes")
     return content

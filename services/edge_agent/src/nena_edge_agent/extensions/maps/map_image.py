@@ -54,8 +54,7 @@ def occupancy_image(cells: bytes, width: int, height: int, *, side_limit: int) -
         ValueError: there are not ``width`` times ``height`` cells, or none.
     """
     if width < 1 or height < 1 or len(cells) != width * height:
-        message = f"{len(cells)} cells do not make a grid of {width} by {height}"
-        raise ValueError(message)
+        raise ValueError(f"{len(cells)} cells do not make a grid of {width} by {height}")
     # 0026: bounded, however large the grid is; merged cells show their maximum, so no wall is lost.
     factor = -(-max(width, height) // side_limit)
     rows = list(_pixel_rows(cells, width, factor))
@@ -126,8 +125,7 @@ class MapWatch:
         """
         info, cells = grid.info, memoryview(grid.data).tobytes()
         if len(cells) > CELLS_LIMIT:
-            message = f"a map of {len(cells)} cells is too large to publish"
-            raise ValueError(message)
+            raise ValueError(f"a map of {len(cells)} cells is too large to publish")
         corner, turn = info.origin.position, info.origin.orientation
         map_id = self._map_id()
         transform = self._frame.on(map_id)
@@ -152,8 +150,9 @@ class MapWatch:
         transform = self._frame.on(map_id)
         image = occupancy_image(cells, int(info.width), int(info.height), side_limit=SIDE_LIMIT)
         if len(image.png) > PNG_LIMIT:
-            message = f"the picture of the map has {len(image.png)} bytes, which is too large to publish"
-            raise ValueError(message)
+            raise ValueError(
+                f"the picture of the map has {len(image.png)} bytes, which is too large to publish"
+            )
         corner, turn = info.origin.position, info.origin.orientation
         heading = 2 * atan2(float(turn.z), float(turn.w))
         place = transform.pose_to_plant(MapPose(float(corner.x), float(corner.y), heading))

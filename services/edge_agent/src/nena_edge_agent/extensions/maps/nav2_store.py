@@ -80,15 +80,13 @@ class Nav2MapStore(FolderMapStore):
         """
         self._require_map(map_id, map_version)
         if self._is_foreign(map_id, map_version):
-            message = (
+            raise MapRefusedError(
                 f"map '{map_id}' in version '{map_version}' was not stored for map_server: delete and "
                 "download it again"
             )
-            raise MapRefusedError(message)
         server = self._server
         if server is None:
-            message = "the robot has not started yet"
-            raise MapRefusedError(message)
+            raise MapRefusedError("the robot has not started yet")
         placed = not server.unplaced
         try:
             if map_id != server.map_id:
@@ -101,8 +99,7 @@ class Nav2MapStore(FolderMapStore):
                 server.record_placed()
             raise MapRefusedError(str(error)) from error
         except OSError as error:
-            message = f"the map was not enabled: {error.strerror}"
-            raise MapRefusedError(message) from error
+            raise MapRefusedError(f"the map was not enabled: {error.strerror}") from error
         # Only now: a map that map_server has refused must not be enabled after a restart.
         await super().enable(map_id, map_version)
 
@@ -116,8 +113,9 @@ class Nav2MapStore(FolderMapStore):
         try:
             self._mark_enabled(first.map_id, first.map_version)
         except OSError as error:
-            message = f"the maps' folder {self._folder} cannot be used: {error.strerror}; set maps.folder"
-            raise StartError(message) from error
+            raise StartError(
+                f"the maps' folder {self._folder} cannot be used: {error.strerror}; set maps.folder"
+            ) from error
         self.maps = self._read_maps()
 
     def _is_foreign(self, map_id: str, map_version: str) -> bool:

@@ -91,8 +91,9 @@ class FolderMapStore:
                 self._write_map(first.map_id, first.map_version, b"")
             self.maps = self._read_maps()
         except OSError as error:
-            message = f"the maps' folder {folder} cannot be used: {error.strerror}; set maps.folder"
-            raise StartError(message) from error
+            raise StartError(
+                f"the maps' folder {folder} cannot be used: {error.strerror}; set maps.folder"
+            ) from error
 
     async def install(self, map_id: str, map_version: str, content: bytes) -> None:
         """Store a new map, DISABLED.
@@ -104,13 +105,11 @@ class FolderMapStore:
             raise DuplicateMapError(map_id, map_version)
         # A robot never deletes a map by its own decision (VDA 5050, 6.3; 2.1: 6.7).
         if len(self.maps) >= self._maximum:
-            message = f"the robot has {self._maximum} maps; delete one first"
-            raise MapRefusedError(message)
+            raise MapRefusedError(f"the robot has {self._maximum} maps; delete one first")
         try:
             await asyncio.to_thread(self._write_map, map_id, map_version, content)
         except OSError as error:
-            message = f"the map was not written: {error.strerror}"
-            raise MapRefusedError(message) from error
+            raise MapRefusedError(f"the map was not written: {error.strerror}") from error
         self.maps = self._read_maps()
 
     async def enable(self, map_id: str, map_version: str) -> None:
@@ -131,8 +130,9 @@ class FolderMapStore:
         """
         # deleteMap is FAILED if the map is in use (6.2.3; 2.1: 6.8).
         if self._require_map(map_id, map_version).map_status is MapStatus.ENABLED:
-            message = f"map '{map_id}' is enabled in version '{map_version}'; enable another version first"
-            raise MapRefusedError(message)
+            raise MapRefusedError(
+                f"map '{map_id}' is enabled in version '{map_version}'; enable another version first"
+            )
         await asyncio.to_thread(self._remove_map, map_id, map_version)
         self.maps = self._read_maps()
 
@@ -143,8 +143,7 @@ class FolderMapStore:
     def _require_map(self, map_id: str, map_version: str) -> Map:
         stored = find_map(self.maps, map_id, map_version)
         if stored is None:
-            message = f"the robot has no map '{map_id}' in version '{map_version}'"
-            raise MapRefusedError(message)
+            raise MapRefusedError(f"the robot has no map '{map_id}' in version '{map_version}'")
         return stored
 
     def _map_folder(self, map_id: str, map_version: str) -> Path:
