@@ -57,6 +57,13 @@ OVERLAPPING = """() => {
 """Pairs of labels on the map that overlap."""
 
 
+PLAN_SHOWN = """() => {
+  const { plant, view } = document.querySelector("nena-fleet-map");
+  return Boolean(plant?.model) && view.width > 1;
+}"""
+"""Whether the map has a plan and a size."""
+
+
 WITHIN = PATIENCE
 """Timeout for conditions in the page, seconds."""
 
@@ -177,6 +184,16 @@ async def becomes(page: Page, script: str, argument: Any, accept: Callable[[Any]
     The page's content security policy allows nothing else.
     """
     return await awaited(lambda: page.evaluate(script, argument), accept, seconds=WITHIN, what=script)
+
+
+async def plan_shown(page: Page) -> None:
+    """Wait until the map shows the plan: it zooms to it, so that each place is at another one before."""
+    await becomes(page, PLAN_SHOWN, None, bool)
+
+
+async def fits(page: Page, width: int) -> None:
+    """Wait until the page is no wider than ``width`` px."""
+    await becomes(page, "document.documentElement.scrollWidth", None, lambda wide: wide <= width)
 
 
 async def picture(page: Page, name: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -11,21 +12,21 @@ from pathlib import Path
 
 import httpx
 import pytest
-from playwright.async_api import Browser, Locator, Page, expect
+from playwright.async_api import Browser, Locator, Page, Route, expect
 
 from nena_shared.vda5050.topics import Topic
 from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
 from support.fleet_examples import position, state, vehicle_status
 from support.order_service_fleet import Fleet, order_in, vehicle_idle
-from support.panel import Hall, findings, opened, picture, seconds_now
+from support.panel import Hall, findings, opened, picture, plan_shown, seconds_now
 from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
 ROBOT = "#/robots/NeNa%2Frobot-01"
 REFUSALS = ("409", "422")  # the browser writes each answer of an error into its console
-SLOW = 0.3
+SLOW = 0.1
 """m/s"""
 
 
@@ -221,13 +222,9 @@ async def test_dispatch_to_a_coordinate_typed_and_on_the_map(
 
 
 async def drag_heading(page: Page, x: float, y: float, *, turned_to: float) -> None:
-    """Click a position on the map, and drag to the left or right.
-
-    When the plant comes, the map zooms to it: a place that was looked up before would be another one.
-    """
-    canvas = page.locator("nena-fleet-map canvas")
-    await expect(canvas).to_have_attribute("aria-label", re.compile("^Map of .* points"))
-    box = await canvas.bounding_box()
+    """Click a position on the map, and drag to the left or right."""
+    await plan_shown(page)
+    box = await page.locator("nena-fleet-map canvas").bounding_box()
     assert box is not None
     px, py = await page.evaluate(f"document.querySelector('nena-fleet-map').view.toScreen({x}, {y})")
     await page.mouse.move(box["x"] + px, box["y"] + py)
@@ -288,6 +285,29 @@ async def test_late_position_is_filled_in_unless_one_was_typed(hall: Hall, brows
             hall.send(Topic.STATE, state(3, at=seconds_now(), mobile_robot_position=position(5, 2)))
             await expect(page.locator("nena-robot-page .facts")).to_contain_text("x 5.0")
             await expect(x).to_have_value("7")
+
+
+async def test_commands_to_places_wait_for_the_plan(hall: Hall, browser: Browser) -> None:
+    come = asyncio.Event()
+
+    async def late(route: Route) -> None:
+        await come.wait()
+        await route.continue_()
+
+    async with hall.connected("--order_service.url", f"http://127.0.0.1:{free_port()}"):
+        hall.publish_plant()
+        hall.send(Topic.STATE, state(at=seconds_now()))
+        vehicle = vehicle_status().model_dump_json(by_alias=True)
+        hall.peer.publish(hall.fleet.vehicle_status("r1"), vehicle, retain=True)
+        async with opened(browser, f"{hall.url}#/robots/ACME%2Fr1", expected=("502",)) as page:
+            await page.route("**/api/v1/plant", late)
+            await page.reload()
+            await expect(button(page, "Pause")).to_be_visible()
+            await expect(button(page, "Charge now")).to_be_disabled()
+            await expect(button(page, "Dispatch …")).to_be_disabled()
+            come.set()
+            await button(page, "Dispatch …").click()
+            await page.get_by_role("form", name="Dispatch").get_by_label("Place").select_option("South 3")
 
 
 async def test_pause_resume_and_an_action_of_the_factsheet(

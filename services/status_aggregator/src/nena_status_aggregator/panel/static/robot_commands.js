@@ -245,7 +245,6 @@ class RobotCommands extends HTMLElement {
       this.#opener("command.level", (level) => levelForm(this.#vehicle, level)),
     ];
     this.charge = this.#direct("charge", () => this.#chargeNow());
-    this.buttons.push(this.charge);
     this.driverOn = this.#direct("driverOn", () => this.#act("nena:startRosSession", "driverOn"));
     this.driverOff = this.#opener("command.driverOff", () => this.#driverOffForm());
     this.sessionButtons = [
@@ -253,7 +252,7 @@ class RobotCommands extends HTMLElement {
       this.driverOff,
       this.#opener("command.address", () => sessionForm(this.#vehicle, this.#robot.rosSession)),
     ];
-    this.buttons.push(...this.sessionButtons);
+    this.buttons.push(this.charge, ...this.sessionButtons);
     this.noCommands = noCommands;
     this.bar = element("div", { class: "actions" }, ...this.buttons);
     this.replaceChildren(this.bar, this.note, this.result, this.place);
@@ -275,7 +274,8 @@ class RobotCommands extends HTMLElement {
     this.#updatePause();
     this.#updateSession();
     this.cancel.disabled = !this.#order;
-    this.charge.disabled = Boolean(this.#robot?.battery?.charging);
+    this.#openers.get("command.dispatch").opener.disabled = !this.plant.model; // which names the places
+    this.charge.disabled = !this.plant.model || Boolean(this.#robot?.battery?.charging);
     this.wake.hidden = this.#robot?.connection !== "HIBERNATING";
     this.note.hidden = possible;
     this.note.textContent = t(this.noCommands ?? "command.unknownVehicle");
