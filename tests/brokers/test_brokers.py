@@ -30,7 +30,7 @@ from support.mqtt_line import Way, mqtt_line
 from support.order_service_fleet import Fleet, RobotOptions, order_in, vehicle_idle
 from support.pausing import time_passes
 from support.programs import Program
-from support.waiting import awaited
+from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.broker, pytest.mark.long]
 
@@ -121,7 +121,7 @@ def aggregator(fleet: Fleet) -> Iterator[AggregatorProcess]:
 
 
 async def panel_of(process: AggregatorProcess) -> httpx.AsyncClient:
-    return httpx.AsyncClient(base_url=await process.url())
+    return httpx.AsyncClient(base_url=await process.url(), timeout=PATIENCE)
 
 
 async def in_aggregator(panel: httpx.AsyncClient) -> Any:

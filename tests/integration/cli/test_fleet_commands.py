@@ -348,7 +348,7 @@ async def test_status_and_explain_name_what_needs_a_person(fleet: Fleet) -> None
     (report,) = await nena.json("status", *there, status=1)
     assert report["orders"] == {"DISPATCHABLE": 1}
     (matter,) = report["attention"]
-    async with httpx.AsyncClient(base_url=there[1]) as aggregator:
+    async with httpx.AsyncClient(base_url=there[1], timeout=PATIENCE) as aggregator:
         await aggregator.post(f"/api/v1/attention/{matter['id']}/acknowledgement", json={"by": "Ann"})
     acknowledged = await nena("status", *there)
     assert (acknowledged.exit_code, "acknowledged by Ann" in acknowledged.stdout) == (0, True)

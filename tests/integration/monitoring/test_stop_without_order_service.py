@@ -25,7 +25,8 @@ pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 ROBOTS = 2
 PAUSED_WITHIN = 5.0
 """Seconds from the click to the last robot that reports the pause: 2 of waiting for the order service, the
-rest for a busy machine."""
+rest for the work; on a machine that is so busy that a start takes longer than usual, as much longer."""
+USUAL_START_SECONDS = 2.5
 DRILL = {"by": "Anna", "reason": "fire drill"}
 OVER = {"by": "Ben", "reason": "over"}
 
@@ -39,6 +40,8 @@ class Site:
     orders: httpx.AsyncClient
     panel: httpx.AsyncClient
     robots: MqttPeer
+    busy: float
+    """How much longer than usual a start takes on this machine, at least 1."""
 
     def paused(self) -> int:
         """Return how many robots report that they are paused."""
@@ -89,8 +92,10 @@ async def running(fleet: Fleet) -> AsyncIterator[Site]:
         robots = fleet.peer(f"{fleet.interface}/#")
         fleet.agent()
         fleet.agent("robot-02", x=9.0)
+        begun = time.monotonic()
         service = fleet.order_service(name="first")
         orders, port = await service.client(), free_port()
+        busy = max(1.0, (time.monotonic() - begun) / USUAL_START_SECONDS)
         await vehicle_idle(orders)
         options = ("--interface_name", fleet.interface, "--topic_prefix", fleet.prefix)
         addresses = ("--http.port", str(port), "--mqtt.port", str(fleet.broker.port))
@@ -106,7 +111,7 @@ async def running(fleet: Fleet) -> AsyncIterator[Site]:
                     seconds=PATIENCE,
                     what="the aggregator sees all robots",
                 )
-                yield Site(fleet, service, orders, panel, robots)
+                yield Site(fleet, service, orders, panel, robots, busy)
 
 
 @pytest.fixture
@@ -122,7 +127,7 @@ async def test_hung_order_service_continues_the_stop_and_records_it_once(site: S
     finally:
         await site.shows(direct=True)
         site.service.process.send_signal(signal.SIGCONT)
-    assert seconds < PAUSED_WITHIN
+    assert seconds < PAUSED_WITHIN * site.busy
     assert (answer["by"], answer["reason"]) == ("Anna", "fire drill")
 
     await awaited(lambda: trail(site.orders), lambda rows: len(rows) > 1, what="the stop is taken over")
@@ -138,7 +143,7 @@ async def test_stop_of_a_dead_order_service_is_ended_and_recorded_when_it_is_bac
     site.service.process.kill()
     site.service.process.wait(PATIENCE)
     answer, seconds = await site.stop_all()
-    assert seconds < PAUSED_WITHIN
+    assert seconds < PAUSED_WITHIN * site.busy
     assert (await site.shows(direct=True))["name"] == answer["name"]
     again = (await site.panel.post("/api/v1/control/stops", json=DRILL)).json()
     assert again["name"] == answer["name"], "a second click begins no second stop"
@@ -165,7 +170,7 @@ async def test_standby_that_takes_over_continues_the_stop(
                 lambda: role(standby), lambda told: told == "active", seconds=PATIENCE, what="a takeover"
             )
             answer, seconds = await site.stop_all()
-            assert seconds < PAUSED_WITHIN
+            assert seconds < PAUSED_WITHIN * site.busy
             stop = await site.shows(direct=False)
             assert stop["name"] == answer["name"]
             assert [row[:3] for row in await trail(standby)] == [("stop", "anonymous", "DONE")]

@@ -16,7 +16,7 @@ from support.broker import Broker
 from support.collector import Collector, Received, collecting
 from support.order_service_fleet import Fleet, listening, order_in, vehicle_idle
 from support.programs import OrderServiceProgram, Program
-from support.waiting import awaited, until
+from support.waiting import PATIENCE, awaited, until
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 
@@ -149,4 +149,4 @@ async def test_a_collector_that_does_not_answer_stops_nothing(fleet: Fleet) -> N
         assert next(float(line.split()[1]) for line in metrics.splitlines() if line.startswith(failed)) > 0
         for each in (program, agent):
             each.process.terminate()
-            assert each.process.wait(30) == 0
+            assert each.process.wait(PATIENCE) == 0

@@ -17,7 +17,7 @@ from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, BrokerAddress
 from support.brokers import RabbitMq
 from support.order_service_fleet import Fleet, listening, running, vehicle_idle
-from support.waiting import awaited
+from support.waiting import PATIENCE, awaited
 
 pytestmark = pytest.mark.broker
 
@@ -56,7 +56,7 @@ async def test_aggregator_that_starts_last_shows_the_fleet(fleet: Fleet) -> None
         options = ["--interface_name", fleet.interface, "--interface_name_v3", fleet.interface]
         options += ["--mqtt.port", str(fleet.broker.port), "--topic_prefix", fleet.prefix, "--http.port", "0"]
         with AggregatorProcess(*options) as aggregator:
-            async with httpx.AsyncClient(base_url=await aggregator.url()) as panel:
+            async with httpx.AsyncClient(base_url=await aggregator.url(), timeout=PATIENCE) as panel:
 
                 async def shown() -> Any:
                     return (await panel.get("/api/v1/fleet")).json()
@@ -69,7 +69,7 @@ async def test_aggregator_that_starts_last_shows_the_fleet(fleet: Fleet) -> None
                         and view["orderService"]["brokerLacks"] == lacks
                     )
 
-                await awaited(shown, is_complete, what="the whole fleet", seconds=40)
+                await awaited(shown, is_complete, what="the whole fleet")
                 assert ("problem" in (await panel.get("/readyz")).json()) is bool(lacks)
 
 

@@ -172,4 +172,4 @@ async def test_each_request_works_or_is_refused_with_a_reason(fleet: Fleet, serv
         return not found and asyncio.get_running_loop().time() - began > 2 * SILENT_AFTER
 
     async with reporting(fleet):
-        await awaited(look, over, what="what the table says", every=0.2, seconds=90)
+        await awaited(look, over, what="what the table says", every=0.2)

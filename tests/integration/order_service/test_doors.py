@@ -54,6 +54,7 @@ async def test_order_over_rest_is_executed(fleet: Fleet, service: Start) -> None
         "driveOrderFinished",
         "finalStateReached",
     ]
+    wire.catch_up()
     sent = [json.loads(message.payload) for message in wire.received()]
     assert list(dict.fromkeys(each["orderId"] for each in sent)) == ["T-1-0", "T-1-1"]
     vehicle = await vehicle_idle(client)

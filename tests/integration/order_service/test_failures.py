@@ -39,10 +39,12 @@ async def create(client: httpx.AsyncClient, *stops: dict[str, Any], **requests: 
 
 
 def order_ids(wire: MqttPeer) -> set[str]:
+    wire.catch_up()
     return {json.loads(each)["orderId"] for each in wire.payloads("+/+/+/+/order")}
 
 
 def instant_actions(wire: MqttPeer) -> list[str]:
+    wire.catch_up()
     messages = [json.loads(each) for each in wire.payloads("+/+/+/+/instantActions")]
     return [action["actionType"] for message in messages for action in message["actions"]]
 

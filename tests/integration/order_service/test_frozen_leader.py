@@ -82,8 +82,13 @@ async def test_a_leader_that_wakes_after_a_takeover_sends_nothing(shared: Fleet,
     assert "another order service is now active on this store" in first.log
     await every_order_ended(standby)
     with MqttPeer(broker, f"{shared.prefix}/vehicles/robot-01/status") as now:
-        retained = json.loads((await now.wait_for()).payload)
-        assert retained["state"] == (await standby.get("/v1/vehicles/Robot-01")).json()["state"]
+        await now.wait_for()
+
+        async def states() -> list[str]:
+            shown = (await standby.get("/v1/vehicles/Robot-01")).json()
+            return [json.loads(now.payloads()[-1])["state"], shown["state"]]
+
+        await awaited(states, lambda both: both[0] == both[1], what="the broker keeps what is so")
 
 
 async def test_retained_statuses_of_an_older_epoch_are_cleared(shared: Fleet) -> None:

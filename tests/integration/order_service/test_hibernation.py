@@ -58,6 +58,7 @@ async def create(client: httpx.AsyncClient, name: str) -> None:
 
 
 def orders_sent(wire: MqttPeer) -> set[str]:
+    wire.catch_up()
     return {json.loads(each)["orderId"] for each in wire.payloads("+/+/+/+/order")}
 
 
@@ -119,6 +120,7 @@ async def test_a_robot_that_does_not_list_it_is_not_sent_it(
 
     assert refused["status"] == "FAILED"
     assert refused["reason"].startswith("not sent: the robot cannot execute it")
+    wire.catch_up()
     assert request_["actionType"] not in str(wire.payloads("+/+/+/+/instantActions"))
 
 

@@ -37,7 +37,7 @@ Start = Callable[..., Awaitable[httpx.AsyncClient]]
 Content = dict[str, Any]
 Change = Callable[[Content], object]
 CODEC = codec_for("2.1.0")
-QUICK = {"resend_after": 0.1, "resend_at_most_after": 0.1, "sendings": 5}
+QUICK: dict[str, Any] = {"resend_after": 0.1, "resend_at_most_after": 0.1, "sendings": 600}
 REPORTED_EACH = 0.1
 SPACING_M = 4.0
 
@@ -124,11 +124,14 @@ class OddRobot:
         self.robot.take_instant_actions(CODEC.decode(InstantActions, inbound.payload))
 
 
-async def start_on(service: Start, fleet: Fleet, *names: str, **engine: Any) -> httpx.AsyncClient:
+async def start_on(
+    service: Start, fleet: Fleet, *names: str, sendings: int = QUICK["sendings"], **engine: Any
+) -> httpx.AsyncClient:
     """Start the order service on a line of points."""
     file = fleet.folder / "line.json"
     file.write_text(line(*names).to_json())
-    return await service(plant=file, fleet=QUICK, engine={"speed_limits": False, **engine})
+    settings = {**QUICK, "sendings": sendings}
+    return await service(plant=file, fleet=settings, engine={"speed_limits": False, **engine})
 
 
 async def vehicle(client: httpx.AsyncClient, name: str) -> Content:
@@ -155,7 +158,7 @@ async def said(look: Callable[[], Awaitable[Content]], *words: str, state: str =
     def found(status: Content) -> bool:
         return all(word in status["reason"] for word in words) and state in ("", status["state"])
 
-    return await awaited(look, found, what=f"{words} {state}", seconds=60)
+    return await awaited(look, found, what=f"{words} {state}")
 
 
 def leave_out(*names: str) -> Change:
@@ -241,7 +244,7 @@ async def test_the_topic_decides_how_a_version_that_does_not_exist_is_read(
 async def test_states_that_become_unreadable_are_the_reason_of_the_failure(
     fleet: Fleet, service: Start, change: Change, problem: str
 ) -> None:
-    client = await start_on(service, fleet, "A", "B", "C")
+    client = await start_on(service, fleet, "A", "B", "C", sendings=30)
 
     def with_an_order(content: Content) -> None:
         if content["orderId"]:
@@ -297,7 +300,10 @@ async def test_an_idle_robot_without_headers_is_not_silent(fleet: Fleet, service
     async with OddRobot(fleet, "r1", 0.0, "A", without_order).reporting():
         await said(lambda: vehicle(client, "r1"), "idle")
         await time_passes(1.5)
-        assert (await vehicle(client, "r1"))["connection"] == "ONLINE"
+        # on a busy machine, even a state may be half a second late
+        await awaited(
+            lambda: vehicle(client, "r1"), lambda told: told["connection"] == "ONLINE", what="it is heard"
+        )
 
 
 async def test_ignored_states_are_counted_and_named(fleet: Fleet, service: Start) -> None:
@@ -373,7 +379,7 @@ async def test_a_refused_update_does_not_end_the_transport_order(
 ) -> None:
     file = fleet.folder / "line.json"
     file.write_text(line("A", "B", "C", "D", "E").to_json())
-    client = await service(plant=file, fleet={**QUICK, "sendings": 600}, engine={"speed_limits": False})
+    client = await service(plant=file, fleet=QUICK, engine={"speed_limits": False})
     first, second = OddRobot(fleet, "r1", 0.0, "A"), OddRobot(fleet, "r2", 8.0, "C")
     first.robot.refuses_updates, first.robot.names_refusals = True, named
     async with first.reporting(), second.reporting():

@@ -22,21 +22,19 @@ async def test_properties_of_plant_objects_are_changed_and_kept(service: Start) 
     await client.post(f"{API}/transportOrders/T-1", json=FOR_ROBOT)
     vehicle = f"{API}/vehicles/Robot-01"
     levels = {**LEVELS, "energyLevelCritical": 11}
-    assert (
-        await client.put(f"{vehicle}/energyLevelThresholdSet", json=levels, timeout=60)
-    ).status_code == 200
-    named = await client.put(f"{vehicle}/envelopeKey", params={"newValue": "wide"}, timeout=60)
+    assert (await client.put(f"{vehicle}/energyLevelThresholdSet", json=levels)).status_code == 200
+    named = await client.put(f"{vehicle}/envelopeKey", params={"newValue": "wide"})
     assert named.status_code == 200
     shown = (await client.get(vehicle)).json()
     assert (shown["energyLevelCritical"], shown["envelopeKey"]) == (11, "wide")
 
-    locked = await client.put(f"{API}/locations/Goods in/locked", params={"newValue": "true"}, timeout=60)
+    locked = await client.put(f"{API}/locations/Goods in/locked", params={"newValue": "true"})
     assert locked.status_code == 200
     plant = (await client.get(f"{API}/plantModel")).json()
     assert [each["locked"] for each in plant["locations"] if each["name"] == "Goods in"] == [True]
 
     plant["blocks"] = []
-    assert (await client.put(f"{API}/plantModel", json=plant, timeout=60)).status_code == 200
+    assert (await client.put(f"{API}/plantModel", json=plant)).status_code == 200
     assert (await client.get(f"{API}/plantModel")).json() == plant
     assert (await client.get("/v1/plantModel")).json()["blocks"] == []
     assert (await client.get(f"{API}/transportOrders/T-1")).json()["state"] == "DISPATCHABLE"
@@ -45,14 +43,14 @@ async def test_properties_of_plant_objects_are_changed_and_kept(service: Start) 
     used["paths"] = [
         each for each in plant["paths"] if "South 2" not in (each["srcPointName"], each["destPointName"])
     ]
-    refused = await client.put(f"{API}/plantModel", json=used, timeout=60)
+    refused = await client.put(f"{API}/plantModel", json=used)
     assert (refused.status_code, "T-1" in refused.text) == (409, True)
 
 
 async def test_the_stream_contains_chosen_objects_with_their_previous_state(service: Start) -> None:
     client = await service()
     chosen = {"/events/transportOrders": "true", "/events/orderSequences": "true"}
-    async with client.stream("GET", f"{API}/sse", params=chosen, timeout=60) as stream:
+    async with client.stream("GET", f"{API}/sse", params=chosen) as stream:
         lines = stream.aiter_lines()
         await anext(lines)  # a heartbeat: it has begun
         await client.post(f"{API}/orderSequences/S-1", json={})

@@ -87,7 +87,7 @@ async def test_a_sequence_created_over_mqtt_publishes_its_progress(fleet: Fleet,
     hosts = f"{fleet.prefix}/hosts/wms"
     peer = fleet.peer(f"{fleet.prefix}/#")
     peer.publish(f"{hosts}/commands/createOrderSequence", json.dumps({"name": "S"}))
-    await peer.wait_for(f"{hosts}/commands/createOrderSequence/answer", timeout=30)
+    await peer.wait_for(f"{hosts}/commands/createOrderSequence/answer")
     body = {"name": "T-1", "destinations": [LOAD], "wrappingSequence": "S"}
     peer.publish(f"{hosts}/transportOrders/create", json.dumps(body))
     await order_in(client, "T-1", "FINISHED")
@@ -97,7 +97,7 @@ async def test_a_sequence_created_over_mqtt_publishes_its_progress(fleet: Fleet,
     assert vehicle["processingState"] == "AWAITING_ORDER"
     peer.publish(f"{hosts}/commands/completeOrderSequence", json.dumps({"orderSequence": "S"}))
     topic = f"{fleet.prefix}/orderSequences/S/status"
-    await peer.wait_for(topic, lambda message: message.payload == b"", timeout=30)
+    await peer.wait_for(topic, lambda message: message.payload == b"")
     told = [json.loads(each.payload) for each in peer.received(topic) if each.payload]
     assert [each["version"] for each in told] == sorted({each["version"] for each in told})
     assert (told[0]["orders"], told[-1]["finished"], told[-1]["finishedIndex"]) == ([], True, 0)

@@ -19,7 +19,7 @@ from nena_shared.tasks import end
 from support.aggregator_process import AggregatorProcess
 from support.broker import MqttPeer
 from support.order_service_fleet import Fleet, order_in, vehicle_idle
-from support.waiting import awaited, until
+from support.waiting import PATIENCE, awaited, until
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 
@@ -62,6 +62,7 @@ def topic(fleet: Fleet, of: PeripheralTopic) -> str:
 
 def bases(wire: MqttPeer) -> list[list[str]]:
     """Return the released nodes of each order message."""
+    wire.catch_up()
     orders = map(json.loads, wire.payloads("+/v2/+/+/order"))
     return [[each["nodeId"] for each in order["nodes"] if each["released"]] for order in orders]
 
@@ -83,8 +84,12 @@ async def test_the_robot_gets_the_path_behind_a_door_once_it_is_open(fleet: Flee
     await until(
         lambda: any(f'"lastNodeId":"{BEFORE}"'.encode() in each for each in wire.payloads("+/v2/+/+/state"))
     )
-    order = (await client.get("/v1/transportOrders/T-1")).json()
-    assert f"it waits for peripheral '{DOOR}' to acknowledge 'open'" in order["reason"]
+
+    async def reason() -> str:
+        return str((await client.get("/v1/transportOrders/T-1")).json()["reason"])
+
+    asks = f"it waits for peripheral '{DOOR}' to acknowledge 'open'"
+    await awaited(reason, lambda told: asks in told, what="it waits for the door")
     assert all(BEHIND not in base for base in bases(wire))
 
     async with door(fleet, seconds=0.5) as device:
@@ -171,7 +176,7 @@ async def test_an_aggregator_started_later_knows_why_the_last_job_failed(fleet: 
     options = ("--topic_prefix", fleet.prefix, "--interface_name", fleet.interface)
     addresses = ("--http.port", "0", "--mqtt.port", str(fleet.broker.port))
     with AggregatorProcess(*addresses, *options) as aggregator:
-        async with httpx.AsyncClient(base_url=await aggregator.url()) as panel:
+        async with httpx.AsyncClient(base_url=await aggregator.url(), timeout=PATIENCE) as panel:
 
             async def devices() -> list[tuple[str, str, str]]:
                 found = (await panel.get("/api/v1/peripherals")).json()

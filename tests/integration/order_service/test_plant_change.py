@@ -37,11 +37,12 @@ def without(point: str) -> PlantModel:
 
 
 async def put(client: httpx.AsyncClient, content: str | bytes, **query: Any) -> httpx.Response:
-    return await client.put(PLANT, content=content, params=query, timeout=60)
+    return await client.put(PLANT, content=content, params=query)
 
 
 def actions(wire: MqttPeer, fleet: Fleet) -> set[str]:
     """Return the IDs of all actions in orders to robots."""
+    wire.catch_up()
     orders = [json.loads(each.payload) for each in wire.received(f"{fleet.interface}/v2/NeNa/robot-01/order")]
     return {action["actionId"] for order in orders for node in order["nodes"] for action in node["actions"]}
 
@@ -53,7 +54,7 @@ async def test_changed_while_a_robot_drives(fleet: Fleet, service: Start) -> Non
     await vehicle_idle(client)
     body = {"name": "T-1", "destinations": [{"locationName": "Goods in", "operation": "Load cargo"}]}
     assert (await client.post("/v1/transportOrders", json=body)).status_code == 201
-    await wire.wait_for(f"{fleet.interface}/v2/NeNa/robot-01/order", timeout=30)
+    await wire.wait_for(f"{fleet.interface}/v2/NeNa/robot-01/order")
 
     refused = await put(client, without("Middle 1").to_json())
     assert (refused.status_code, refused.headers["content-type"]) == (409, "application/problem+json")
@@ -70,9 +71,7 @@ async def test_changed_while_a_robot_drives(fleet: Fleet, service: Start) -> Non
     assert PlantModel.from_json((await client.get(PLANT)).content) == without("Parking bay")
     gone = await client.post("/v1/vehicles/Robot-02/dispatch", json={"point": "Parking bay"})
     assert gone.status_code == 404
-    told = await wire.wait_for(
-        f"{fleet.prefix}/plantModel", lambda each: b"Hall 2" in each.payload, timeout=30
-    )
+    told = await wire.wait_for(f"{fleet.prefix}/plantModel", lambda each: b"Hall 2" in each.payload)
     assert PlantModel.from_json(told.payload) == without("Parking bay")
     order = await order_in(client, "T-1", "FINISHED", "FAILED")
     assert order["state"] == "FINISHED", order["reason"]

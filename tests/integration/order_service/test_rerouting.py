@@ -53,6 +53,7 @@ async def waits(client: httpx.AsyncClient, reason: str) -> None:
 
 def sent(wire: MqttPeer, fleet: Fleet) -> list[dict[str, Any]]:
     """Return the VDA 5050 orders sent to the robot, with their points."""
+    wire.catch_up()
     messages = wire.received(f"{fleet.interface}/+/NeNa/robot-01/order")
     return [json.loads(each.payload) for each in messages]
 

@@ -29,6 +29,7 @@ async def test_a_robot_that_lists_them_is_sent_the_speeds_of_paths_and_takes_the
     assert (await client.post("/v1/transportOrders", json=to)).status_code == 201
     await order_in(client, "T-1", "FINISHED")
 
+    wire.catch_up()
     (message,) = wire.received(f"{fleet.interface}/+/NeNa/robot-01/order")
     (edge,) = json.loads(message.payload)["edges"]
     assert edge["maximumSpeed" if version == "3.0.0" else "maxSpeed"] == 0.5

@@ -56,6 +56,7 @@ async def test_each_robot_executes_its_order_in_its_version(
         order = await order_in(client, f"T-{serial}", "FINISHED", "FAILED")
         assert order["state"] == "FINISHED", order["reason"]
 
+    wire.catch_up()
     for serial, version in versions.items():
         level = f"{fleet.interface}/v{version[0]}/NeNa/{serial}"
         messages = [each for each in wire.received() if each.topic.startswith(f"{level}/")]
@@ -83,6 +84,7 @@ async def test_a_route_is_released_stepwise_and_conforms_to_the_standard(
     order = await order_in(client, "T-1", "FINISHED", "FAILED")
     assert order["state"] == "FINISHED", order["reason"]
 
+    wire.catch_up()
     entries = [
         Entry(datetime.fromisoformat(json.loads(each.payload)["timestamp"]), each.topic, each.payload)
         for each in wire.received(f"{fleet.interface}/+/NeNa/robot-01/+")

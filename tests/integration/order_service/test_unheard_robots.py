@@ -70,7 +70,7 @@ async def standing(fleet: Fleet, robot: RobotKey, place: str, x: float) -> Async
 
 @asynccontextmanager
 async def started(fleet: Fleet, **engine: Any) -> AsyncIterator[httpx.AsyncClient]:
-    """Start the order service with an empty store."""
+    """Start the order service; the first time, with an empty store."""
     file = fleet.folder / "plant.json"
     file.write_text(ONE_WAY.to_json())
     engine = {"default_map_id": MAP, "restart_patience": 30.0, **engine}
@@ -131,13 +131,12 @@ async def test_robot_that_is_known_to_be_offline_is_not_waited_for(fleet: Fleet)
 
 
 async def test_reason_names_the_robot_that_is_waited_for(fleet: Fleet) -> None:
-    async with AsyncExitStack() as stack:
-        await stack.enter_async_context(standing(fleet, FIRST, "A", 0.0))
-        client = await stack.enter_async_context(started(fleet, restart_patience=3.0))
-        assert (await client.post("/v1/transportOrders", json=ORDER)).status_code == 201
-
-        await reason_of(client, "it waits for the first state of V2")
-        await reason_of(client, "travels")
+    async with standing(fleet, FIRST, "A", 0.0):
+        async with started(fleet, restart_patience=600.0) as client:
+            assert (await client.post("/v1/transportOrders", json=ORDER)).status_code == 201
+            await reason_of(client, "it waits for the first state of V2")
+        async with started(fleet, restart_patience=1.0) as client:
+            await reason_of(client, "travels")
 
 
 @pytest.mark.parametrize(

@@ -170,7 +170,7 @@ async def test_a_transfer_survives_the_death_of_either_side(
             first.process.kill()
         before = received_bytes(received)
         with AggregatorProcess(*options) as second:
-            async with httpx.AsyncClient(base_url=await second.url()) as client:
+            async with httpx.AsyncClient(base_url=await second.url(), timeout=PATIENCE) as client:
 
                 async def listed() -> Any:
                     return (await client.get("/api/v1/recordings")).json()

@@ -332,6 +332,7 @@ async def test_a_new_process_uses_the_robots_version_from_its_first_message(
             async with second.connected():
                 wired.report()
                 await second.wait_for("VdaOrderAccepted")
+        peer.catch_up()
         messages = peer.received()
     assert {json.loads(each.payload)["version"] for each in messages} == {version}
     assert {each.topic.split("/")[-4] for each in messages} == {f"v{version[0]}"}

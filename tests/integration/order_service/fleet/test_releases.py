@@ -99,6 +99,7 @@ async def test_robots_are_admitted_to_a_zone_one_by_one(
             fleet.fleet.start_vda_order(RobotKey(MANUFACTURER, serial), vda_order)
         await until(lambda: fleet.story().count(VdaOrderFinished.__name__) == 2, what="both at their ends")
 
+    peer.catch_up()
     messages = peer.received()
     told = [grants(messages, serial) for serial in SERIALS]
     assert [each[-1] for each in told] == ["GRANTED", "GRANTED"]

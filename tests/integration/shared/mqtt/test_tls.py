@@ -94,7 +94,8 @@ async def test_client_is_identified_by_its_certificate(site: Site, interface_nam
     async with running(link):
         await until(lambda: link.state.connected)
 
-    assert f"as {interface_name} (p2, c1, k15, u'robot-{interface_name}')" in site.broker.log
+    name = f"as {interface_name} (p2, c1, k15, u'robot-{interface_name}')"
+    await until(lambda: name in site.broker.log, what="the name in the broker's log")
 
 
 async def test_connection_without_a_certificate_is_rejected(site: Site, interface_name: str) -> None:

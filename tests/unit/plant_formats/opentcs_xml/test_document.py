@@ -70,10 +70,10 @@ def test_a_file_of_a_million_nested_elements_is_stopped_early() -> None:
 def test_very_many_attributes_are_refused_before_the_parser_sees_them(encoding: str) -> None:
     """The parser took four seconds for these, and longer by the square of their number."""
     attributes = " ".join(f'a{number}="1"' for number in range(200_000))
-    start = time.perf_counter()
+    start = time.process_time()
 
     assert refusal(f"<model {attributes}/>".encode(encoding)) == "LIMIT_EXCEEDED"
-    assert time.perf_counter() - start < 2.0
+    assert time.process_time() - start < 2.0
 
 
 @pytest.mark.parametrize(
