@@ -13,6 +13,8 @@ from typing import Any
 
 import httpx
 
+from support.waiting import PATIENCE
+
 DEMO = str(Path(sys.executable).with_name("nena-demo"))
 
 
@@ -49,7 +51,7 @@ class Viewer:
 
     def get(self, path: str) -> Any:
         """Return what the order service has at ``path``."""
-        return httpx.get(f"{self.rest}/v1/{path}").json()
+        return httpx.get(f"{self.rest}/v1/{path}", timeout=PATIENCE).json()
 
     def locked(self) -> int:
         """Return the number of locked paths."""
@@ -62,7 +64,7 @@ class Viewer:
     def service_is_ready(self) -> bool:
         """Return whether the order service answers and is ready."""
         try:
-            return httpx.get(f"{self.rest}/readyz").is_success
+            return httpx.get(f"{self.rest}/readyz", timeout=PATIENCE).is_success
         except httpx.HTTPError:
             return False
 

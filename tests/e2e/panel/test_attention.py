@@ -24,9 +24,9 @@ from nena_shared.vda5050.topics import Topic
 from support.broker import free_port
 from support.fleet_examples import connection, state, vehicle_status
 from support.matters import OWN, SERVICES, Condition, emergency, heartbeat, key_of
-from support.panel import Hall, findings, opened, picture, seconds_now
+from support.panel import Hall, becomes, findings, opened, picture, seconds_now
 from support.pausing import time_passes
-from support.waiting import awaited
+from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -111,7 +111,7 @@ async def test_panel_rest_metrics_and_nena_status_agree(
     async with (
         hall.connected(*LIMITS),
         site.beating(),
-        httpx.AsyncClient(base_url=hall.url) as client,
+        httpx.AsyncClient(base_url=hall.url, timeout=PATIENCE) as client,
     ):
         for condition in conditions:
             condition.arrange(site)
@@ -131,10 +131,8 @@ async def test_panel_rest_metrics_and_nena_status_agree(
             await expect(page).to_have_title(f"({len(expected)}) NeNa" if expected else "NeNa")
             await page.locator("nena-attention-button button").click()
             await expect(rows(page)).to_have_count(len(expected))
-            names = await rows(page).locator(".name").all_inner_texts()
-            assert names == [
-                each["subject"] for each in matters if each["subject"] and each["kind"] != "stop"
-            ]
+            named = [each["subject"] for each in matters if each["subject"] and each["kind"] != "stop"]
+            await expect(rows(page).locator(".name")).to_have_text(named)
             assert await findings(page, minor=True) == []
             for width in (1600, 1280, 390):
                 await page.set_viewport_size({"width": width, "height": 900})
@@ -169,11 +167,11 @@ async def test_matter_is_shown_acknowledged_and_ends(
             await expect(page).to_have_title("NeNa")
             site.robot("Hit", **emergency("MANUAL"))
             header = page.locator("nena-attention-button button")
-            await expect(header).to_have_text(f"{count}: Hit: {label}", timeout=5000)
+            await expect(header).to_have_text(f"{count}: Hit: {label}")
             await expect(page).to_have_title("(1) NeNa")
             if width > 900:
                 await header.click()
-            (row,) = await rows(page).all()
+            row = rows(page)
             await expect(row).to_contain_text(label)
             await expect(row.get_by_role("link", name="Hit")).to_have_attribute("href", re.compile("robots"))
             assert await findings(page, minor=True) == []
@@ -195,6 +193,8 @@ async def test_browser_notifies_of_what_is_new(hall: Hall, browser: Browser) -> 
         site = HallSite(hall)
         site.robot("Old", **emergency("MANUAL"))
         async with opened(browser, hall.url) as page:
+            await expect(page).to_have_title("(1) NeNa")
+            await page.reload()  # to a page to which it is not new
             await page.evaluate(
                 "() => { window.told = []; window.Notification = class { static permission = 'granted';"
                 " constructor(title) { window.told.push(title); } }; }"
@@ -202,7 +202,7 @@ async def test_browser_notifies_of_what_is_new(hall: Hall, browser: Browser) -> 
             await expect(page).to_have_title("(1) NeNa")
             site.robot("New", **emergency("REMOTE"))
             await expect(page).to_have_title("(2) NeNa")
-            assert json.loads(await page.evaluate("JSON.stringify(window.told)")) == ["New Emergency stop"]
+            await becomes(page, "window.told", None, ["New Emergency stop"].__eq__)
 
 
 async def test_new_matter_sounds_once_if_switched_on(hall: Hall, browser: Browser) -> None:
@@ -214,6 +214,7 @@ async def test_new_matter_sounds_once_if_switched_on(hall: Hall, browser: Browse
                 "window.tones = 0; const { start } = OscillatorNode.prototype;"
                 " OscillatorNode.prototype.start = function () { window.tones += 1; start.call(this); };"
             )
+            await expect(page).to_have_title("(1) NeNa")
             await page.reload()
             await expect(page).to_have_title("(1) NeNa")
             await page.locator("nena-attention-button button").click()
@@ -226,7 +227,8 @@ async def test_new_matter_sounds_once_if_switched_on(hall: Hall, browser: Browse
             await expect(sound).to_have_attribute("aria-pressed", "true")
             site.robot("Loud", **emergency("REMOTE"))
             await expect(page).to_have_title("(3) NeNa")
-            assert await page.evaluate("tones") == 2, "one when it was switched on, one for the new matter"
+            # one when it was switched on, one for the new matter
+            await becomes(page, "tones", None, lambda tones: tones == 2)
 
             await page.reload()  # a browser allows no sound until the page is used
             await expect(sound).to_have_attribute("aria-pressed", "true")
@@ -236,4 +238,4 @@ async def test_new_matter_sounds_once_if_switched_on(hall: Hall, browser: Browse
             await page.locator("h1").click()
             site.robot("Used", **emergency("REMOTE"))
             await expect(page).to_have_title("(5) NeNa")
-            assert await page.evaluate("tones") == 1
+            await becomes(page, "tones", None, lambda tones: tones == 1)

@@ -20,7 +20,7 @@ from support.fleet_examples import (
     vehicle_status,
     way,
 )
-from support.panel import WITHIN, Hall, becomes, opened, seconds_now
+from support.panel import WITHIN, Hall, becomes, fits, opened, plan_shown, seconds_now
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -104,6 +104,7 @@ async def test_robot_is_selected_on_the_map_and_by_keyboard(hall: Hall, browser:
             await expect(rows["r2"]).to_be_visible()
             canvas = page.locator("nena-fleet-map canvas")
             await expect(canvas).to_have_attribute("aria-label", re.compile("^Map of Sample hall:"))
+            await plan_shown(page)
             x, y = await page.evaluate("document.querySelector('nena-fleet-map').view.toScreen(15, 2)")
             await canvas.click(position={"x": x, "y": y})
             await expect(page.locator("nena-robot-page h2")).to_have_text("r2")
@@ -185,7 +186,6 @@ async def test_nothing_overflows_on_a_phone(hall: Hall, browser: Browser, *, dar
             await expect(page.locator("tr[data-robot='ACME/r2']")).to_be_visible()
             await page.get_by_role("tab", name="Orders").click()
             await expect(page.locator("tr[data-order='TO-1']")).to_be_visible()
-            wide = await page.evaluate("document.documentElement.scrollWidth")
-            assert wide <= 390
+            await fits(page, 390)
             page_colour = await page.evaluate("getComputedStyle(document.documentElement).backgroundColor")
             assert page_colour == ("rgb(15, 20, 26)" if dark else "rgb(244, 246, 248)")

@@ -124,6 +124,7 @@ async def test_devices_are_listed_with_their_jobs(hall: Hall, browser: Browser) 
         await search.fill("Lift")
         await expect(names).to_have_text(["Lift"])  # only the devices have a match
         await page.goto(hall.url)
+        await expect(tab).to_have_text("Devices (3)")  # not before there are devices
         await page.get_by_role("tab", name="Robots").press("ArrowRight")
         await page.keyboard.press("ArrowRight")
         await expect(tab).to_be_focused()

@@ -5,13 +5,23 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from playwright.async_api import Browser, Page, expect
+from playwright.async_api import Browser, expect
 
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.fleet_examples import connection, position, sample_plant, state, vehicle_status
-from support.panel import COLOUR_NEAR, Hall, becomes, findings, opened, picture, seconds_now
+from support.panel import (
+    COLOUR_NEAR,
+    Hall,
+    becomes,
+    findings,
+    fits,
+    opened,
+    picture,
+    plan_shown,
+    seconds_now,
+)
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -39,6 +49,13 @@ CORNERS = """() => {
   return view.width === width && places.every(([x, y]) => x > 0 && y > 0 && x < width && y < height);
 }"""
 """Whether both corners of the plant are visible on a map of its element's size."""
+
+
+PRESENT = """(button) => {
+  button.click();
+  return document.querySelector("#map").getAnimations().map((each) => each.id);
+}"""
+"""Presses a button; returns the animations that it has begun, before they end."""
 
 
 def publish_robots(hall: Hall) -> None:
@@ -78,7 +95,7 @@ async def test_many_robots_are_in_sight(
             await expect(row.locator(".line").first).to_contain_text(" s")  # how long it has waited
             await becomes(page, IN_SIGHT, None, lambda count: count >= least)
             await picture(page, f"room-{width}")
-            assert await page.evaluate("document.documentElement.scrollWidth") <= width
+            await fits(page, width)
             assert await page.evaluate(CUT_OFF) == 0
             assert await findings(page) == []
 
@@ -123,25 +140,26 @@ async def test_the_order_list_has_one_line_per_order_and_all_columns(
                 await picture(page, f"orders-{width}-{language[:2]}")
                 assert await page.evaluate(CUT_OFF) == 0
             await page.set_viewport_size({"width": 390, "height": 844})
+            await fits(page, 390)
             await picture(page, f"orders-390-{language[:2]}")
-            assert await page.evaluate("document.documentElement.scrollWidth") <= 390
 
 
 async def test_the_divider_gives_room_to_the_map_or_the_lists(hall: Hall, browser: Browser) -> None:
     async with hall.connected():
         hall.publish_plant()
         async with opened(browser, hall.url) as page:
-            await expect(page.locator("nena-fleet-map canvas")).to_be_visible()
+            await plan_shown(page)
             await becomes(page, CORNERS, None, bool)
             divider = page.get_by_role("separator", name="Width of the map")
-            before = await width_of_map(page)
+            width = "document.querySelector('#map').offsetWidth"
+            before = await page.evaluate(width)
             box = await divider.bounding_box()
             assert box is not None
             await page.mouse.move(box["x"] + 6, box["y"] + 100)
             await page.mouse.down()
             await page.mouse.move(box["x"] + 206, box["y"] + 100)
             await page.mouse.up()
-            assert abs(await width_of_map(page) - before - 200) < 12
+            await becomes(page, width, None, lambda now: abs(now - before - 200) < 12)
             await becomes(page, CORNERS, None, bool)
             await divider.focus()
             for _ in range(20):
@@ -151,13 +169,7 @@ async def test_the_divider_gives_room_to_the_map_or_the_lists(hall: Hall, browse
             await page.reload()
             await expect(divider).to_have_attribute("aria-valuenow", "20")
             await divider.dispatch_event("dblclick")  # on a busy machine, Firefox takes two clicks as two
-            await becomes(
-                page, "document.querySelector('#map').offsetWidth", None, lambda now: abs(now - before) < 3
-            )
-
-
-async def width_of_map(page: Page) -> float:
-    return float(await page.evaluate("document.querySelector('#map').offsetWidth"))
+            await becomes(page, width, None, lambda now: abs(now - before) < 3)
 
 
 async def test_the_plant_fits_a_window_and_a_full_screen_until_it_is_moved(
@@ -166,7 +178,7 @@ async def test_the_plant_fits_a_window_and_a_full_screen_until_it_is_moved(
     async with hall.connected():
         hall.publish_plant()
         async with opened(browser, hall.url, width=1600, height=1000) as page:
-            await expect(page.locator("nena-fleet-map canvas")).to_be_visible()
+            await plan_shown(page)
             await becomes(page, CORNERS, None, bool)
             await page.set_viewport_size({"width": 950, "height": 600})
             await becomes(page, CORNERS, None, bool)
@@ -188,13 +200,12 @@ async def test_a_robot_is_shown_near_enough_to_be_found(hall: Hall, browser: Bro
         hall.publish_plant()
         publish_robots(hall)
         async with opened(browser, hall.url) as page:
+            await plan_shown(page)
             await page.locator("nena-fleet-map canvas").focus()
             for _ in range(10):
                 await page.keyboard.press("-")
             await page.locator("tr[data-robot='ACME/r09']").get_by_role("link", name="AMR-09").click()
-            await page.get_by_role("button", name="Show on map").click()
-            drawn = "document.querySelector('#map').getAnimations().map((each) => each.id)"
-            assert await page.evaluate(drawn) == ["present"]
+            assert await page.get_by_role("button", name="Show on map").evaluate(PRESENT) == ["present"]
             x, y, scale = await page.evaluate(OFF_CENTRE, [4.0, 4.0])
             assert (abs(x) < 1, abs(y) < 1, scale >= 30) == (True, True, True)
 
