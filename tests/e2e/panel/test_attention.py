@@ -22,14 +22,16 @@ from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.tasks import end
 from nena_shared.vda5050.topics import Topic
 from support.broker import free_port
-from support.fleet_examples import connection, state, vehicle_status
+from support.fleet_examples import connection, position, power, state, vehicle_status
 from support.matters import OWN, SERVICES, Condition, emergency, heartbeat, key_of
 from support.panel import Hall, becomes, findings, opened, picture, seconds_now
+from support.panel_texts import Texts
 from support.pausing import time_passes
 from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
+AT_HOME = {"mobile_robot_position": position(3.0, 7.0)}
 LIMITS = ("--jam.robots", "2", "--jam.seconds", "0.1")
 
 
@@ -89,6 +91,14 @@ class HallSite:
         fields = stop.model_dump(include={"name", "by", "reason", "since"})
         body = DirectStop(**fields, user="anna").model_dump_json(by_alias=True)
         self.hall.peer.publish(self.hall.fleet.direct_stop(stop.name), body, retain=True)
+
+
+ADVICE_IN_SIGHT = """() => {
+  const frame = document.querySelector("nena-attention").getBoundingClientRect();
+  const advice = document.querySelector("nena-attention li .advice").getBoundingClientRect();
+  return advice.bottom <= Math.min(frame.bottom, innerHeight);
+}"""
+"""Whether the advice of the first entry is in sight as a whole."""
 
 
 async def nena_status(url: str) -> tuple[int, list[dict[str, Any]]]:
@@ -175,6 +185,7 @@ async def test_matter_is_shown_acknowledged_and_ends(
             await expect(row).to_contain_text(label)
             await expect(row.get_by_role("link", name="Hit")).to_have_attribute("href", re.compile("robots"))
             assert await findings(page, minor=True) == []
+            assert await page.evaluate(ADVICE_IN_SIGHT)
             button = row.get_by_role("button", name=acknowledge)
             await button.click()  # without a name, the field for it asks
             await page.keyboard.type("Anna")
@@ -184,8 +195,31 @@ async def test_matter_is_shown_acknowledged_and_ends(
             await expect(page).to_have_title("NeNa")
             await expect(header).to_have_text(f"{known}: Hit: {label}")
             await expect(header).to_have_attribute("data-urgent", "")  # it has not ended
+            site.robot("Weak", **power(12.0))
+            await expect(rows(page)).to_have_count(2)
+            await expect(rows(page).first).to_contain_text("Hit")  # a warning never stands above it
+            await picture(page, f"acknowledged-{width}-{language[:2]}")
+            site.robot("Weak")
             site.robot("Hit")
             await expect(rows(page)).to_have_count(0)
+
+
+@pytest.mark.parametrize("language", ["en-GB", "de-DE", "nl-NL"])
+async def test_advice_names_the_charged_robot_that_takes_the_charger(
+    hall: Hall, browser: Browser, language: str
+) -> None:
+    say = Texts(language)
+    async with hall.connected():
+        hall.publish_plant()
+        site = HallSite(hall)
+        site.robot("Weak", **power(12.0), **AT_HOME)
+        async with opened(browser, hall.url, height=844, width=390, language=language) as page:
+            await expect(rows(page)).to_contain_text(say("attention.advice.battery_low"))
+            site.robot("Full", {"current_position": "Charging stand"}, **power(100.0), **AT_HOME)
+            full = say("battery.charge", charge=100)
+            await expect(rows(page)).to_contain_text(say("several.full", names=f"Full ({full})"))
+            assert await page.evaluate(ADVICE_IN_SIGHT)
+            await picture(page, f"charger-taken-{language[:2]}")
 
 
 async def test_browser_notifies_of_what_is_new(hall: Hall, browser: Browser) -> None:

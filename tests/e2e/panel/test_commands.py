@@ -137,18 +137,18 @@ async def test_integration_level_is_set_and_a_drive_off_the_paths_is_noted(
         operated(broker, interface_name, tmp_path) as fleet,
         opened(browser, fleet.url + ROBOT) as page,
     ):
-        await button(page, "Integration level …").click()
-        form = page.get_by_role("form", name="Integration level")
-        await expect(form.get_by_label("Integration level")).to_have_value("TO_BE_UTILIZED")
-        await form.get_by_label("Integration level").select_option("TO_BE_IGNORED")
+        await button(page, "In or out of use …").click()
+        form = page.get_by_role("form", name="In or out of use")
+        await expect(form.get_by_label("In or out of use")).to_have_value("TO_BE_UTILIZED")
+        await form.get_by_label("In or out of use").select_option("TO_BE_IGNORED")
         await expect(form).to_contain_text("other robots no longer avoid it")
         sure = form.get_by_role("checkbox", name="Robot-01 is not in the way of other robots")
-        await button(page, "Set level").click()
+        await button(page, "Apply").click()
         await expect(sure).to_be_focused()  # required
         assert await findings(page) == []
-        await form.get_by_label("Integration level").select_option("TO_BE_RESPECTED")
+        await form.get_by_label("In or out of use").select_option("TO_BE_RESPECTED")
         await expect(sure).to_have_count(0)
-        await button(page, "Set level").click()
+        await button(page, "Apply").click()
         await expect(form.get_by_role("status")).to_contain_text("Out of use")
         vehicle = (await fleet.orders.get("/v1/vehicles/Robot-01")).json()
         assert vehicle["integrationLevel"] == "TO_BE_RESPECTED"

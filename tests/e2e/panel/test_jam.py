@@ -216,7 +216,7 @@ async def end_the_jam(page: Page, orders: httpx.AsyncClient) -> None:
     await behind.get_by_role("button", name="Reroute the others").click()
     await expect(behind).to_contain_text("0 of 1 robots have another route now.")
     await behind.get_by_role("button", name="Take out of traffic").click()
-    form = page.get_by_role("form", name="Integration level")
+    form = page.get_by_role("form", name="In or out of use")
     await expect(form.locator("select")).to_have_value("TO_BE_IGNORED")
     await behind.get_by_role("button", name="Lock and lead around").click()
     asked = behind.get_by_role("form", name="Lock and lead around")

@@ -125,10 +125,10 @@ async def a_robots_level_is_set(page: Page, orders: httpx.AsyncClient) -> None:
     assert await findings(page) == []
     await picture(page, "map-menu")
     await menu.get_by_role("menuitemradio", name="Shown only").click()
-    form = page.get_by_role("form", name="Integration level")
+    form = page.get_by_role("form", name="In or out of use")
     await expect(form.locator("select")).to_have_value("TO_BE_NOTICED")
     await form.get_by_label("Robot-01 is not in the way of other robots").check()
-    await form.get_by_role("button", name="Set level").click()
+    await form.get_by_role("button", name="Apply").click()
     await expect(form).to_contain_text("Shown only")
 
     async def level() -> str:

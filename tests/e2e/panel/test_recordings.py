@@ -45,6 +45,7 @@ async def test_a_recording_of_the_order_service_is_requested(hall: Hall, browser
         heading = page.get_by_role("heading", name="Recordings of the order service")
         section = page.locator("nena-history-page section", has=heading)
         await expect(section).to_contain_text("No recordings.")
+        await expect(page.locator("nena-history-page h3").last).to_have_text(await heading.inner_text())
         await section.get_by_role("button", name="Fetch recording").click()
 
         link = section.get_by_role("link", name=NAME)

@@ -123,7 +123,7 @@ class Matter(Resource):
 
 
 class AttentionList(Resource):
-    """Everything that needs a person, the most urgent first; what is acknowledged comes last."""
+    """Everything that needs a person: urgent matters first, in each group the acknowledged ones last."""
 
     attention: tuple[Matter, ...]
 

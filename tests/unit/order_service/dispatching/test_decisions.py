@@ -46,7 +46,7 @@ async def test_wait_reasons_of_a_long_queue_are_updated_bit_by_bit() -> None:
 
     def outdated() -> list[str]:
         orders = engine.state.orders.dispatchable()
-        return [order.name for order in orders if "integration level" not in order.status.reason]
+        return [order.name for order in orders if "is set to" not in order.status.reason]
 
     engine.set_integration_level(away, IntegrationLevel.TO_BE_RESPECTED)
     assert outdated() == [f"T{index}" for index in range(REASONS_PER_CHECK, REASONS_PER_CHECK + 50)]

@@ -148,7 +148,7 @@ async def test_a_respected_robot_gets_no_orders_and_is_kept_away_from() -> None:
 
     assert fleet.sent == []
     assert held(engine, "V1") == {"A"}
-    assert reason_of(engine, "V1") == "has the integration level Out of use"
+    assert reason_of(engine, "V1") == "is set to “Out of use”"
     engine.set_integration_level(vehicle, IntegrationLevel.TO_BE_UTILIZED)
     assert [robot for robot, _ in fleet.sent] == ["V1"]
 

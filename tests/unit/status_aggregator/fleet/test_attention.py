@@ -13,7 +13,7 @@ from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
 from nena_status_aggregator.fleet.queues import JamLimits
 from nena_status_aggregator.fleet.robot import Timestamp
 from support.clocks import ManualClock
-from support.fleet_examples import START
+from support.fleet_examples import START, power
 from support.matters import CONDITIONS, OWN, Condition, ModelSite, emergency
 
 LIMITS = ModelLimits(jam=JamLimits(robots=2, seconds=1), silence=3600)
@@ -57,17 +57,19 @@ def test_what_is_past_leaves_the_list() -> None:
     assert site.ids() == set()
 
 
-def test_acknowledged_matter_stays_last_with_the_first_name_and_is_new_when_it_returns() -> None:
+def test_acknowledged_matter_is_the_last_of_its_severity_and_is_new_when_it_returns() -> None:
     site = make_site()
     site.robot("Hit", **emergency("MANUAL"))
     site.order("Failed", TransportOrderState.FAILED, finished=site.now)
+    site.robot("Weak", **power(12.0))
     registry = site.model.attention
-    assert [each.id for each in site.list()] == ["emergency_stop:Hit", "order_failed:Failed"]
+    warning = "battery_low:Weak"
+    assert [each.id for each in site.list()] == ["emergency_stop:Hit", "order_failed:Failed", warning]
     assert registry.acknowledge("emergency_stop:Hit", "Anna", site.now)
     assert registry.acknowledge("emergency_stop:Hit", "Ben", site.now)
     assert registry.acknowledge("emergency_stop:Other", "Ben", site.now) is None
     site.wait(2)
-    assert [each.id for each in site.list()] == ["order_failed:Failed", "emergency_stop:Hit"]
+    assert [each.id for each in site.list()] == ["order_failed:Failed", "emergency_stop:Hit", warning]
     done = site.list()[1].acknowledged
     assert done
     assert done.by == "Anna"
@@ -76,7 +78,7 @@ def test_acknowledged_matter_stays_last_with_the_first_name_and_is_new_when_it_r
     site.wait(1)
     site.robot("Hit", **emergency("MANUAL"))
     site.wait(1)
-    assert [each.acknowledged for each in site.list()] == [None, None]
+    assert [each.acknowledged for each in site.list()] == [None, None, None]
 
 
 def test_each_change_is_told_once() -> None:

@@ -52,7 +52,7 @@ class StatusReport(Resource):
     orders: dict[TransportOrderState, int] | None
     """Number of unfinished orders by state."""
     attention: tuple[Matter, ...]
-    """What needs a person, as in the panel; what is acknowledged comes last."""
+    """What needs a person, in the order of the panel."""
 
 
 class Step(Resource):

@@ -19,7 +19,7 @@ def make_router(aggregator: Aggregator, trusted_hosts: tuple[str, ...]) -> APIRo
 
     @router.get("", responses={200: {"model": AttentionList}})
     async def attention() -> Response:
-        """Return everything that needs a person, the most urgent first; what is acknowledged comes last."""
+        """Return everything that needs a person, urgent matters first, then as in the panel."""
         aggregator.publish_changes()
         return as_json(AttentionList(attention=registry.matters))
 

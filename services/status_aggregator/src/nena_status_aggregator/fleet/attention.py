@@ -271,7 +271,7 @@ class AttentionRegistry:
     def __init__(self, on_change: Callable[[MatterChange, Matter], None] = lambda *_: None) -> None:
         """Start without matters; ``on_change`` receives each change and must not block."""
         self.matters: tuple[Matter, ...] = ()
-        """What nobody has acknowledged first, then the most urgent, then what holds up most."""
+        """Urgent ones first; among them, and among the others, those that somebody has acknowledged last."""
         self.acknowledged: dict[str, Acknowledgement] = {}
         """By the ID of the matter; also restored ones whose matter has not been found yet."""
         self._on_change = on_change
@@ -328,6 +328,7 @@ class AttentionRegistry:
             sorted(
                 matters,
                 key=lambda each: (
+                    not each.urgent,
                     each.acknowledged is not None,
                     each.kind.rank,
                     -each.robot_count,

@@ -3,6 +3,7 @@
 import { acknowledge, command } from "./api.js";
 import { button, element, field, foreign, refill, setAttribute, setText, verbatim } from "./dom.js";
 import { adviceFor, conditionText, reasonOf, statusOfOrder } from "./explanations.js";
+import { charging } from "./fleet_commands.js";
 import { outcome, run } from "./forms.js";
 import { has, plural, t, timeOfDay } from "./i18n.js";
 import { address } from "./router.js";
@@ -30,8 +31,10 @@ function reasonFor({ kind, robot, subject }, store) {
   return stop ? { text: nameOfStop(stop), foreign: stop.reason } : {};
 }
 
-function adviceOf({ kind, robot }, store) {
-  const shown = store.robots.get(robot);
+function adviceOf({ kind, robot }, fleet) {
+  const shown = fleet.store.robots.get(robot);
+  const full = kind === "battery_low" && shown?.vehicle && charging([shown], fleet).full;
+  if (full) return full;
   return has(`attention.advice.${kind}`) ? t(`attention.advice.${kind}`) : shown ? adviceFor(shown) : "";
 }
 
@@ -158,13 +161,13 @@ class Attention extends HTMLElement {
     if (!fresh?.length) return;
     this.sound.play();
     if (!("Notification" in window) || Notification.permission !== "granted") return;
-    for (const each of fresh) new Notification(`${nameIn(each)} ${labelOf(each, this.fleet.store)}`.trim(), { body: adviceOf(each, this.fleet.store), tag: each.id });
+    for (const each of fresh) new Notification(`${nameIn(each)} ${labelOf(each, this.fleet.store)}`.trim(), { body: adviceOf(each, this.fleet), tag: each.id });
   }
 
   #row(matter) {
     const { store } = this.fleet;
     const row = this.#rows.get(matter.id) ?? element("li");
-    const shown = { matter, label: labelOf(matter, store), reason: reasonFor(matter, store), advice: adviceOf(matter, store), link: linkOf(matter, store) };
+    const shown = { matter, label: labelOf(matter, store), reason: reasonFor(matter, store), advice: adviceOf(matter, this.fleet), link: linkOf(matter, store) };
     refill(row, shown, () => this.#parts(shown));
     return row;
   }

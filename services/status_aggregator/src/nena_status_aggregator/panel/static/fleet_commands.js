@@ -7,6 +7,7 @@ import { byName, number, plural, t } from "./i18n.js";
 import { reasonElement } from "./reasons.js";
 
 const LINES = 12; // of a confirmation
+const CHARGED = 95; // percent from which a robot can leave its charger to another
 
 /**
  * A command to each of some robots: `make(robots, fleet)` returns its `jobs`, each `{name, line, send}`, and `left`: texts on robots
@@ -165,16 +166,22 @@ function parking(robots, { store, plant }) {
   return { jobs: sent.jobs, left: [parked.length && t("several.parked", { names: parked.join(", ") }), sent.unplaced && t("several.noPlace", { names: sent.unplaced })] };
 }
 
-/** Plan an order for each robot to recharge at the nearest free charger that it can use: `{jobs, left}`. */
+/** Plan an order for each robot to recharge at the nearest free charger that it can use: `{jobs, left, full}`; `full`: which charged robots take the others. */
 export function charging(robots, { store, plant }) {
   const own = (robot) => plant.model?.vehicles.find(({ name }) => name === robot.vehicle.name)?.properties["vda5050:rechargeOperation"] ?? "Charge";
   const locations = (plant.model?.locations ?? []).filter(({ locked }) => !locked);
-  const places = free(locations.map((each) => ({ ...each, stands: each.links.map(({ point }) => point) })), store);
-  const chargers = (robot) => places.filter(({ name }) => plant.operationsAt(name).includes(own(robot))).map((each) => ({ ...each, operation: own(robot) }));
+  const places = locations.map((each) => ({ ...each, stands: each.links.map(({ point }) => point) }));
+  const unused = new Set(free(places, store));
+  const usable = (robot) => places.filter(({ name }) => plant.operationsAt(name).includes(own(robot)));
+  const chargers = (robot) => usable(robot).filter((each) => unused.has(each)).map((each) => ({ ...each, operation: own(robot) }));
   const charges = (robot) => Boolean(robot.battery?.charging);
   const sent = sending(robots.filter((robot) => !charges(robot)), chargers, { type: "Charge" });
   const names = namesOf(robots.filter(charges));
-  return { jobs: sent.jobs, left: [names.length && t("several.charging", { names: names.join(", ") }), sent.unplaced && t("several.noCharger", { names: sent.unplaced })] };
+  const at = new Set(robots.flatMap(usable).flatMap(({ name, stands }) => [name, ...stands]));
+  const charged = [...store.robots.values()].filter(({ battery, vehicle }) => battery?.charge >= CHARGED && at.has(vehicle?.currentPosition));
+  const shown = charged.map(({ name, battery }) => `${name} (${t("battery.charge", { charge: number(battery.charge) })})`).join(", ");
+  const full = sent.unplaced && shown && t("several.full", { names: shown });
+  return { jobs: sent.jobs, left: [names.length && t("several.charging", { names: names.join(", ") }), sent.unplaced && t("several.noCharger", { names: sent.unplaced }), full], full };
 }
 
 // An order for each robot to the nearest of its places, each of which takes one; `unplaced`: names of those that get none.

@@ -82,7 +82,7 @@ class HistoryPage extends HTMLElement {
     const listed = element("section", {}, element("h3", {}, t("history.events")), narrowing, this.files, this.cut, this.list);
     const recordings = element("nena-recordings").show(this.fleet, ORDER_SERVICE);
     const recorded = element("section", {}, element("h3", {}, t("history.recordings")), recordings);
-    this.replaceChildren(head, controls, recorded, listed);
+    this.replaceChildren(head, controls, listed, recorded);
     heading.focus({ preventScroll: true });
     const given = rangeOf(linked.get("from"), linked.get("to"));
     if (!given) return this.#choose();

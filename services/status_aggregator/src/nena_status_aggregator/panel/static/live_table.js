@@ -32,7 +32,7 @@ export class LiveTable extends HTMLElement {
     this.store = store;
     this.views = () => store[kind];
     this.body = element("tbody");
-    this.spaces = [space(this.columns.length), space(this.columns.length)];
+    this.spaces = [space(), space()];
     this.shownColumns = this.#readColumns();
     this.heads = new Map(this.columns.map((key) => [nameOf(key), this.#head(key)]));
     const titles = element("tr", {}, ...this.heads.values());
@@ -253,6 +253,7 @@ export class LiveTable extends HTMLElement {
     const heights = [height(this.#shown.slice(0, from)), height(this.#shown.slice(to))];
     this.spaces.forEach((each, at) => {
       each.hidden = !heights[at];
+      each.firstChild.colSpan = this.shownColumns.size; // more would take room from the others
       each.firstChild.style.height = `${heights[at]}px`;
     });
   }
@@ -280,8 +281,8 @@ function nameOf(key) {
   return key.split(".")[1];
 }
 
-function space(columns) {
-  return element("tr", { class: "space", "aria-hidden": "true" }, element("td", { colspan: columns }));
+function space() {
+  return element("tr", { class: "space", "aria-hidden": "true" }, element("td"));
 }
 
 /** Create a cell with its column's title, for narrow screens. */

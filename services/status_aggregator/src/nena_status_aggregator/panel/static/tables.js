@@ -315,17 +315,12 @@ function vehicle(order) {
 
 function updateDestinations(list, order) {
   const items = order.destinations.map((each, at) => ({
-    text: t("destination", each),
+    place: each.place,
+    operation: each.operation,
     state: at === order.currentDestination && !order.final ? "CURRENT" : stopState(each, order),
   }));
-  const shown = JSON.stringify(items);
-  if (list.shown === shown) return;
-  list.shown = shown;
-  list.replaceChildren(
-    ...items.map((item) =>
-      element("li", { "data-state": item.state, "aria-current": item.state === "CURRENT" && "step" }, item.text),
-    ),
-  );
+  setAttribute(list, "title", order.destinations.map((each) => t("destination", each)).join(" → "));
+  refill(list, items, () => items.map(({ place, operation, state }) => element("li", { "data-state": state, "aria-current": state === "CURRENT" && "step" }, place, element("span", {}, `: ${operation}`))));
 }
 
 customElements.define("nena-order-table", OrderTable);
