@@ -73,6 +73,9 @@ Moment = Annotated[
 """ISO 8601 in UTC with milliseconds; a Unix time of 10 (s) or 13 (ms) digits is read as well."""
 
 ObjectName = Annotated[str, Field(min_length=1, max_length=200)]
+DraftName = Annotated[str, Field(pattern=r"^[^/\x00-\x1f]{1,80}$")]
+"""Name of a draft of a plant model; part of a URL."""
+VersionNumber = Annotated[int, Field(ge=1)]
 """Name of an object in the plant model, never changed."""
 
 PageSize = Annotated[int, Field(ge=1, le=1000)]

@@ -7,11 +7,7 @@ from typing import Annotated, Any, Final, Self
 
 from pydantic import Base64Bytes, Field, model_validator
 
-from nena_shared.fleet_api.base import Moment, Request, Resource
-
-DraftName = Annotated[str, Field(pattern=r"^[^/\x00-\x1f]{1,80}$")]
-"""Name of a draft; part of a URL."""
-VersionNumber = Annotated[int, Field(ge=1)]
+from nena_shared.fleet_api.base import DraftName, Moment, Request, Resource, VersionNumber
 
 
 class PlantFinding(Resource):

@@ -74,7 +74,7 @@ def add_operation(app: FastAPI, operations: HostOperations, operation: Operation
         name=operation.name,
         operation_id=operation.name,
         summary=operation.summary,
-        tags=[operation.tag],
+        tags=[operation.noun.tag],
         status_code=status,
         response_model=operation.answer,
         responses=successes | refusals_of(operation.refusals),
@@ -85,7 +85,7 @@ def add_operation(app: FastAPI, operations: HostOperations, operation: Operation
 def _parameters_of(operation: Operation[Any]) -> Iterator[Parameter]:
     reads = operation.method in READING
     if "{" in operation.path:
-        yield _make_parameter("name", operation.name_type)
+        yield _make_parameter("name", operation.noun.name_type)
     if operation.request and reads:
         yield _make_parameter("request", Annotated[operation.request, Query()])
     if operation.creates and not operation.subject and "idempotency_key" in operation.request.model_fields:

@@ -243,7 +243,7 @@ def _objects_behind(objects: Iterable[P], name: str | None) -> Iterator[P]:
 
 def plant_model_router(plant_json: bytes, change: ChangePlant | None, trail: Trail) -> APIRouter:
     """Create the routes of the plant model; without ``change`` it is read-only."""
-    router = APIRouter(tags=[CHANGE_PLANT.tag])
+    router = APIRouter(tags=[CHANGE_PLANT.noun.tag])
 
     @router.get(PLANT_MODEL, operation_id="plantModel", dependencies=[known_query()])
     async def show() -> Response:

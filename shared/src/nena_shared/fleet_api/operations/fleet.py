@@ -47,7 +47,6 @@ END_STOP = Operation(
     StopStatus,
     request=StopEndRequest,
     may_be_empty=True,
-    subject="stop",
     result="stop",
     refusals=(Refusal.UNKNOWN_STOP, Refusal.NOT_SAVED),
 )

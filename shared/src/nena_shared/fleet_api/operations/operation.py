@@ -8,6 +8,7 @@ from http import HTTPStatus
 from typing import Any, Final, Generic, Literal, TypeVar
 from urllib.parse import quote
 
+from nena_shared.fleet_api.base import DraftName, ObjectName, VersionNumber
 from nena_shared.fleet_api.refusals import Refusal
 
 A = TypeVar("A")
@@ -33,30 +34,43 @@ WEBHOOKS: Final = "/v1/webhooks"
 AUDIT: Final = "/v1/audit"
 RECORDINGS: Final = "/v1/recordings"
 
-TAGS: Final = {
-    ORDERS: "transport orders",
-    ORDER_BATCH: "transport orders",
-    SEQUENCES: "order sequences",
-    VEHICLES: "vehicles",
-    POINTS: "points",
-    LOCATIONS: "locations",
-    PATHS: "paths",
-    SCHEDULES: "schedules",
-    STOPS: "stops",
-    ZONE_SETS: "zone sets",
-    PERIPHERALS: "peripherals",
-    PERIPHERAL_JOBS: "peripherals",
-    PLANT_MODEL: "plant model",
-    PLANT_DRAFTS: "plant drafts",
-    PLANT_VERSIONS: "plant drafts",
-    SUMMARY: "summary",
-    TRAFFIC_PLAN: "traffic",
-    WEBHOOKS: "web hooks",
-    AUDIT: "audit trail",
-    RECORDINGS: "recordings",
-}
-
 MADE_BEFORE: Final = {HTTPStatus.OK: "Already created with this key."}
+
+
+@dataclass(frozen=True, slots=True)
+class Noun:
+    """What all operations below one path have in common."""
+
+    tag: str
+    """Tag in the OpenAPI document."""
+    subject: str = ""
+    """Field of the MQTT command that corresponds to ``{name}`` in REST."""
+    name_type: Any = str
+    """Type of ``{name}``."""
+
+
+NOUNS: Final = {
+    ORDERS: Noun("transport orders", "transport_order"),
+    ORDER_BATCH: Noun("transport orders"),
+    SEQUENCES: Noun("order sequences", "order_sequence"),
+    VEHICLES: Noun("vehicles", "vehicle"),
+    POINTS: Noun("points", "point"),
+    LOCATIONS: Noun("locations", "location"),
+    PATHS: Noun("paths", "path"),
+    SCHEDULES: Noun("schedules", "schedule", ObjectName),
+    STOPS: Noun("stops", "stop"),
+    ZONE_SETS: Noun("zone sets", "zone_set_id", ObjectName),
+    PERIPHERALS: Noun("peripherals", "location"),
+    PERIPHERAL_JOBS: Noun("peripherals", "peripheral_job"),
+    PLANT_MODEL: Noun("plant model"),
+    PLANT_DRAFTS: Noun("plant drafts", name_type=DraftName),
+    PLANT_VERSIONS: Noun("plant drafts", name_type=VersionNumber),
+    SUMMARY: Noun("summary"),
+    TRAFFIC_PLAN: Noun("traffic"),
+    WEBHOOKS: Noun("web hooks"),
+    AUDIT: Noun("audit trail"),
+    RECORDINGS: Noun("recordings"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,10 +98,6 @@ class Operation(Generic[A]):
     """Other success statuses with their descriptions."""
     refusals: tuple[Refusal, ...] = ()
     """Reasons for rejection, in addition to malformed requests and access control."""
-    name_type: Any = str
-    """Type of ``{name}``."""
-    subject: str = ""
-    """Field of the MQTT command that corresponds to ``{name}`` in REST."""
     result: str = ""
     """Field of the MQTT answer with the result; empty: not available over MQTT, or on a separate topic."""
     request_field: str = ""
@@ -96,14 +106,20 @@ class Operation(Generic[A]):
     """Maximum size of the body, bytes; None: ``max_body`` of the settings."""
 
     @property
-    def tag(self) -> str:
-        """Tag in the OpenAPI document."""
-        return TAGS.get(self.prefix.rstrip("/"), self.prefix.split("/")[2])
+    def noun(self) -> Noun:
+        """What it has in common with the others below its path."""
+        path = self.prefix.rstrip("/")
+        return NOUNS.get(path) or Noun(path.split("/")[2])
 
     @property
     def prefix(self) -> str:
         """Part of the path before ``{name}``."""
         return self.path.partition("{")[0]
+
+    @property
+    def subject(self) -> str:
+        """Field of the MQTT command that corresponds to ``{name}``; empty: it has none."""
+        return self.noun.subject if "{" in self.path else ""
 
     def path_of(self, name: str = "") -> str:
         """Return the path of an object."""

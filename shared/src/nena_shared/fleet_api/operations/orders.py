@@ -76,7 +76,6 @@ DELIVERY = Operation(
     "GET",
     f"{ORDERS}/{{name}}/delivery",
     transport_order.DeliveryStatus,
-    subject="transport_order",
     result="delivery",
     refusals=_STORED,
 )
@@ -88,7 +87,6 @@ ASSIGNMENT = Operation(
     f"{ORDERS}/{{name}}/assignment",
     transport_order.AssignmentStatus,
     request=requests.AssignmentQuery,
-    subject="transport_order",
     result="assignment",
     refusals=_STORED,
 )
@@ -101,7 +99,6 @@ CHANGE_ORDER = Operation(
     transport_order.TransportOrderStatus,
     request=requests.OrderChange,
     versioned=True,
-    subject="transport_order",
     result="transport_order",
     refusals=(*_CHANGE, Refusal.UNKNOWN_VEHICLE, Refusal.ORDER_ASSIGNED),
 )
@@ -115,7 +112,6 @@ WITHDRAW = Operation(
     request=requests.WithdrawalRequest,
     may_be_empty=True,
     versioned=True,
-    subject="transport_order",
     result="transport_order",
     refusals=_CHANGE,
 )
@@ -129,7 +125,6 @@ HOLD = Operation(
     request=requests.HoldRequest,
     may_be_empty=True,
     versioned=True,
-    subject="transport_order",
     result="transport_order",
     refusals=(*_CHANGE, Refusal.ORDER_WITHDRAWN),
 )
@@ -143,7 +138,6 @@ RESUME = Operation(
     request=requests.ResumeRequest,
     may_be_empty=True,
     versioned=True,
-    subject="transport_order",
     result="transport_order",
     refusals=_CHANGE,
 )

@@ -28,7 +28,6 @@ SHOW_PERIPHERAL = Operation(
     "GET",
     f"{PERIPHERALS}/{{name:path}}",
     PeripheralStatus,
-    subject="location",
     result="peripheral",
     refusals=(Refusal.UNKNOWN_PERIPHERAL,),
 )
@@ -50,7 +49,6 @@ SHOW_JOB = Operation(
     "GET",
     f"{PERIPHERAL_JOBS}/{{name}}",
     PeripheralJobStatus,
-    subject="peripheral_job",
     result="peripheral_job",
     refusals=(Refusal.UNKNOWN_JOB,),
 )
@@ -78,7 +76,6 @@ WITHDRAW_JOB = Operation(
     "POST",
     f"{PERIPHERAL_JOBS}/{{name}}/withdrawal",
     PeripheralJobStatus,
-    subject="peripheral_job",
     result="peripheral_job",
     refusals=(Refusal.UNKNOWN_JOB, Refusal.JOB_ENDED, Refusal.NOT_SAVED),
 )

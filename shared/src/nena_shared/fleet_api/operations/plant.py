@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-from nena_shared.fleet_api.base import ObjectName
 from nena_shared.fleet_api.operations.operation import (
     LOCATIONS,
     PATHS,
@@ -55,7 +54,6 @@ SHOW_POINT = Operation(
     # `path`: names of points, locations and paths may contain a slash
     f"{POINTS}/{{name:path}}",
     PointStatus,
-    subject="point",
     result="point",
     refusals=(Refusal.UNKNOWN_POINT,),
 )
@@ -75,7 +73,6 @@ SHOW_LOCATION = Operation(
     "GET",
     f"{LOCATIONS}/{{name:path}}",
     LocationStatus,
-    subject="location",
     result="location",
     refusals=(Refusal.UNKNOWN_LOCATION,),
 )
@@ -96,7 +93,6 @@ LOCK_PATH = Operation(
     f"{PATHS}/{{name:path}}/lock",
     PathStatus,
     request=PathLockRequest,
-    subject="path",
     result="path",
     refusals=(Refusal.UNKNOWN_PATH, Refusal.NOT_SAVED),
 )
@@ -108,7 +104,6 @@ PREVIEW_PATH_LOCK = Operation(
     f"{PATHS}/{{name:path}}/lockPreview",
     PathLockPreview,
     request=PathLockPreviewQuery,
-    subject="path",
     result="preview",
     refusals=(Refusal.UNKNOWN_PATH,),
 )
@@ -136,7 +131,6 @@ SHOW_ZONE_SET = Operation(
     "GET",
     f"{ZONE_SETS}/{{name}}",
     ZoneSetStatus,
-    name_type=ObjectName,
     refusals=(Refusal.UNKNOWN_ZONE_SET,),
 )
 
@@ -160,9 +154,7 @@ ENABLE_ZONE_SET = Operation(
     f"{ZONE_SETS}/{{name}}/enable",
     ZoneSetStatus,
     admin=True,
-    subject="zone_set_id",
     result="zone_set",
-    name_type=ObjectName,
     refusals=_ZONE_SET_CHANGE,
 )
 
@@ -173,9 +165,7 @@ DELETE_ZONE_SET = Operation(
     f"{ZONE_SETS}/{{name}}",
     ZoneSetStatus,
     admin=True,
-    subject="zone_set_id",
     result="zone_set",
-    name_type=ObjectName,
     refusals=_ZONE_SET_CHANGE,
 )
 

@@ -8,7 +8,6 @@ from typing import Final
 from nena_shared.fleet_api.operations.operation import PLANT_DRAFTS, PLANT_VERSIONS, Operation
 from nena_shared.fleet_api.plant import PlantModelChange
 from nena_shared.fleet_api.plant_drafts import (
-    DraftName,
     PlantActivation,
     PlantDifferences,
     PlantDifferencesQuery,
@@ -24,7 +23,6 @@ from nena_shared.fleet_api.plant_drafts import (
     PlantRunRequest,
     PlantVersionList,
     SavedPlantDraft,
-    VersionNumber,
 )
 from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.plant_terms import MAX_BYTES
@@ -48,7 +46,6 @@ SAVE_PLANT_DRAFT = Operation(
     admin=True,
     request=PlantDraftRequest,
     also={HTTPStatus.CREATED: "Created."},
-    name_type=DraftName,
     max_body=MAX_BYTES,
     refusals=(
         Refusal.INVALID_PLANT,
@@ -66,7 +63,6 @@ SHOW_PLANT_DRAFT = Operation(
     PlantDraft,
     admin=True,
     request=PlantDraftQuery,
-    name_type=DraftName,
     refusals=(Refusal.UNKNOWN_PLANT_DRAFT,),
 )
 DELETE_PLANT_DRAFT = Operation(
@@ -76,7 +72,6 @@ DELETE_PLANT_DRAFT = Operation(
     _DRAFT,
     PlantDraftStatus,
     admin=True,
-    name_type=DraftName,
     refusals=(Refusal.UNKNOWN_PLANT_DRAFT, Refusal.NOT_SAVED),
 )
 COMPARE_PLANT_DRAFT = Operation(
@@ -87,7 +82,6 @@ COMPARE_PLANT_DRAFT = Operation(
     PlantDifferences,
     admin=True,
     request=PlantDifferencesQuery,
-    name_type=DraftName,
     refusals=(Refusal.UNKNOWN_PLANT_DRAFT,),
 )
 EXPORT_PLANT_DRAFT = Operation(
@@ -98,7 +92,6 @@ EXPORT_PLANT_DRAFT = Operation(
     PlantFileContent,
     admin=True,
     request=PlantFileQuery,
-    name_type=DraftName,
     refusals=(Refusal.UNKNOWN_PLANT_DRAFT, Refusal.INVALID_PLANT),
 )
 ACTIVATE_PLANT_DRAFT = Operation(
@@ -109,7 +102,6 @@ ACTIVATE_PLANT_DRAFT = Operation(
     PlantModelChange,
     admin=True,
     request=PlantActivation,
-    name_type=DraftName,
     refusals=(
         Refusal.UNKNOWN_PLANT_DRAFT,
         Refusal.PLANT_DRAFT_CHANGED,
@@ -125,7 +117,6 @@ SHOW_PLANT_DRAFT_MAP = Operation(
     f"{_DRAFT}/map",
     PlantDraftMap,
     admin=True,
-    name_type=DraftName,
     refusals=(Refusal.UNKNOWN_PLANT_DRAFT,),
 )
 START_PLANT_RUN = Operation(
@@ -136,7 +127,6 @@ START_PLANT_RUN = Operation(
     PlantRun,
     admin=True,
     request=PlantRunRequest,
-    name_type=DraftName,
     max_body=MAX_BYTES,
     refusals=(Refusal.UNKNOWN_PLANT_DRAFT, Refusal.PLANT_RUN_GOES_ON),
 )
@@ -147,7 +137,6 @@ SHOW_PLANT_RUN = Operation(
     f"{_DRAFT}/run",
     PlantRun,
     admin=True,
-    name_type=DraftName,
     refusals=(Refusal.UNKNOWN_PLANT_DRAFT,),
 )
 CANCEL_PLANT_RUN = Operation(
@@ -157,7 +146,6 @@ CANCEL_PLANT_RUN = Operation(
     f"{_DRAFT}/run",
     PlantRun,
     admin=True,
-    name_type=DraftName,
     refusals=(Refusal.UNKNOWN_PLANT_DRAFT,),
 )
 LIST_PLANT_VERSIONS = Operation(
@@ -176,6 +164,5 @@ COMPARE_PLANT_VERSION = Operation(
     PlantDifferences,
     admin=True,
     request=PlantDifferencesQuery,
-    name_type=VersionNumber,
     refusals=(Refusal.UNKNOWN_PLANT_DRAFT,),
 )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from http import HTTPStatus
 from typing import Final
 
-from nena_shared.fleet_api.base import ObjectName
 from nena_shared.fleet_api.operations.operation import SCHEDULES, Operation
 from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.fleet_api.schedules import ScheduleList, ScheduleRequest, ScheduleStatus, ScheduleSwitch
@@ -26,9 +25,7 @@ SHOW_SCHEDULE = Operation(
     "GET",
     f"{SCHEDULES}/{{name}}",
     ScheduleStatus,
-    subject="schedule",
     result="schedule",
-    name_type=ObjectName,
     refusals=(Refusal.UNKNOWN_SCHEDULE,),
 )
 PUT_SCHEDULE = Operation(
@@ -40,9 +37,7 @@ PUT_SCHEDULE = Operation(
     ScheduleStatus,
     request=ScheduleRequest,
     also={HTTPStatus.CREATED: "Created."},
-    subject="schedule",
     result="schedule",
-    name_type=ObjectName,
     refusals=(
         Refusal.INVALID_SCHEDULE,
         Refusal.NOT_IN_PLANT,
@@ -58,9 +53,7 @@ ENABLE_SCHEDULE = Operation(
     f"{SCHEDULES}/{{name}}/enabled",
     ScheduleStatus,
     request=ScheduleSwitch,
-    subject="schedule",
     result="schedule",
-    name_type=ObjectName,
     refusals=_CHANGE,
 )
 DELETE_SCHEDULE = Operation(
@@ -69,8 +62,6 @@ DELETE_SCHEDULE = Operation(
     "DELETE",
     f"{SCHEDULES}/{{name}}",
     ScheduleStatus,
-    subject="schedule",
     result="schedule",
-    name_type=ObjectName,
     refusals=_CHANGE,
 )

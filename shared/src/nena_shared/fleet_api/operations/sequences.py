@@ -38,7 +38,6 @@ SHOW_SEQUENCE = Operation(
     f"{SEQUENCES}/{{name}}",
     transport_order.OrderSequenceStatus,
     versioned=True,
-    subject="order_sequence",
     result="order_sequence",
     refusals=(Refusal.UNKNOWN_SEQUENCE, Refusal.NOT_SAVED),
 )
@@ -50,7 +49,6 @@ COMPLETE_SEQUENCE = Operation(
     f"{SEQUENCES}/{{name}}/completion",
     transport_order.OrderSequenceStatus,
     versioned=True,
-    subject="order_sequence",
     result="order_sequence",
     refusals=(Refusal.UNKNOWN_SEQUENCE, Refusal.VERSION_CHANGED, Refusal.NOT_SAVED),
 )

@@ -39,7 +39,6 @@ INTEGRATION_LEVEL = Operation(
     f"{VEHICLES}/{{name:path}}/integrationLevel",
     VehicleStatus,
     request=requests.IntegrationLevelRequest,
-    subject="vehicle",
     result="vehicle",
     refusals=_CHANGE,
 )
@@ -51,7 +50,6 @@ ORDER_TYPES = Operation(
     f"{VEHICLES}/{{name:path}}/acceptableOrderTypes",
     VehicleStatus,
     request=requests.OrderTypesRequest,
-    subject="vehicle",
     result="vehicle",
     refusals=_CHANGE,
 )
@@ -64,7 +62,6 @@ DISPATCH = Operation(
     transport_order.TransportOrderStatus,
     request=requests.DispatchRequest,
     creates=ORDERS,
-    subject="vehicle",
     result="transport_order",
     refusals=(*NEW_ORDER_REFUSALS, Refusal.UNKNOWN_VEHICLE),
 )
@@ -77,7 +74,6 @@ INSTANT_ACTION = Operation(
     requests.InstantActionAnswer,
     request=requests.InstantActionRequest,
     also={HTTPStatus.ACCEPTED: "It is still running."},
-    subject="vehicle",
     result="instant_action",
     refusals=(
         Refusal.UNKNOWN_VEHICLE,
@@ -94,7 +90,6 @@ REROUTE = Operation(
     f"{VEHICLES}/{{name:path}}/rerouting",
     ReroutingAnswer,
     request=requests.ReroutingRequest,
-    subject="vehicle",
     result="rerouting",
     refusals=(*_CHANGE, Refusal.NOT_REROUTABLE, Refusal.NOT_REACHED),
 )
