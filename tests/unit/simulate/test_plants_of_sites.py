@@ -205,7 +205,6 @@ def test_orders_that_cannot_finish_are_counted_by_reason() -> None:
 @pytest.mark.parametrize(
     ("text", "what"),
     [
-        (written(LOOP, {}, {}), "has no location that is linked to a point"),
         (written((), {"Machine": "LOAD"}, {}), "1 robots do not fit: of 0 points"),
         (written([(0, 1), (1, 2), (2, 3)], {"Machine": "LOAD,UNLOAD"}, M), "and back"),
         (written(LINE, {"Machine": "LOAD,UNLOAD"}, M, locked=LINE), "and back"),
@@ -220,6 +219,13 @@ def test_a_plant_without_possible_orders_is_an_error_of_use(tmp_path: Path, text
     assert result.exit_code == 2, result.output
     assert what in result.output
     assert len(result.output.splitlines()) == 1
+
+
+def test_robots_drive_between_points_of_a_plant_without_locations() -> None:
+    found = simulate(Case(model_of(written(LOOP, {}, {})), Demand(backlog=2), 1, hours=0.05))
+
+    assert found.finished > 0
+    assert any("the orders only drive (MOVE)" in note for note in found.notes)
 
 
 def test_more_robots_than_places_are_an_error_of_use(tmp_path: Path) -> None:

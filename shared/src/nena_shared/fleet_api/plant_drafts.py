@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Self
 from pydantic import Base64Bytes, Field, model_validator
 
 from nena_shared.fleet_api.base import DraftName, Moment, Request, Resource, VersionNumber
+from nena_shared.fleet_api.reasons import OptionalReason
 
 
 class PlantFinding(Resource):
@@ -21,6 +22,8 @@ class PlantFinding(Resource):
     text: str
     is_error: bool
     """Whether the plant model cannot be activated; otherwise it is a warning."""
+    coded_reason: OptionalReason = None
+    """The text with its code and values; None: it has none."""
 
 
 class PlantDraftRequest(Request):
@@ -72,6 +75,8 @@ class PlantDraftQuery(Resource):
     """Any text that tells one open editor from others; empty: none that others should know of."""
     known: int = 0
     """The version that the client has: its model is not sent again."""
+    vehicle: str = ""
+    """Name of one of its vehicles."""
 
 
 class PlantDraft(PlantDraftStatus):
@@ -83,6 +88,8 @@ class PlantDraft(PlantDraftStatus):
     """In NeNa's JSON, without values that are the default; None: of a version that the client has."""
     findings: tuple[PlantFinding, ...] = ()
     """Errors first; empty if ``model`` is None."""
+    closed: tuple[PlantFinding, ...] = ()
+    """Which paths the vehicle of the query must not use, and why."""
 
 
 class SavedPlantDraft(PlantDraftStatus):

@@ -150,17 +150,16 @@ POINTS = 30
 """Maximum number of points between which orders are drawn, if there are no stations to draw them between."""
 
 
-def describe_drawn(request: TransportOrderRequest, operations: Operations) -> str:
+def describe_drawn(request: TransportOrderRequest, operations: Operations, plant: PlantModel) -> str:
     """Return what drawn orders do instead of picking and dropping; empty if they do that."""
     done = [each.operation for each in request.destinations]
     purposes = [operations.purpose_of(name) for name in done]
     if purposes == [Purpose.PICK, Purpose.DROP]:
         return ""
     instead = "execute other operations" if Purpose.OTHER in purposes else "only drive"
-    return (
-        "No robot can drive from a station with an operation to pick to one with an operation to drop, and "
-        f"back: the orders {instead} ({', '.join(dict.fromkeys(done))})."
-    )
+    why = "No robot can drive from a station with an operation to pick to one with an operation to drop, "
+    why = why + "and back" if plant.locations else "The plant has no stations"
+    return f"{why}: the orders {instead} ({', '.join(dict.fromkeys(done))})."
 
 
 def every_relation(
@@ -169,8 +168,8 @@ def every_relation(
     """Return relations of equal rate between all locations that a vehicle can serve one after the other.
 
     From where something is picked to where it is dropped; if there is no such pair, between locations with
-    other operations; if there is none, between any two; at last, between some points. ``starts`` are the
-    vehicles' start points.
+    other operations; if there is none, between any two; at last, or in a plant without locations, between
+    some points. ``starts`` are the vehicles' start points.
     """
     make, ways = Transport(plant, operations), Ways(plant, operations)
     fleet = {
@@ -179,7 +178,8 @@ def every_relation(
         if vehicle is not None
     }
     names = [each.name for each in plant.locations if each.links and not each.locked]
-    points = [each.name for each in plant.points[:: len(plant.points) // POINTS + 1]] if names else []
+    spread = plant.points[:: len(plant.points) // POINTS + 1] if names or not plant.locations else ()
+    points = [each.name for each in spread]
     picks, drops, others = (
         [make.stop(name, found) for name in names if (found := make.operation_at(name, purpose))]
         for purpose in (Purpose.PICK, Purpose.DROP, Purpose.OTHER)

@@ -273,7 +273,7 @@ class Site:
         """What the reader of the report must know of the orders and robots."""
         if self._relations != case.demand.relations:
             first = self._make_order(self._relations[0].source, self._relations[0].destination)
-            self.notes += filter(None, [describe_drawn(first, operations)])
+            self.notes += filter(None, [describe_drawn(first, operations, plant)])
         offered = operations.actions([order.request for order in case.demand.orders], case.work_seconds)
         self.offered = frozenset(each.action_type for each in offered)
         """The actions that the robots offer; operations have one of their own name, too."""

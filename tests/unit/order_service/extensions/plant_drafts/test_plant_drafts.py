@@ -142,6 +142,24 @@ async def test_findings_name_their_objects_and_a_draft_with_errors_is_kept(site:
     assert "only one of" in two["errors"][0]
 
 
+async def test_the_paths_that_a_vehicle_must_not_use_are_told_with_the_reason(site: Site) -> None:
+    forklifts = {**LINE["paths"][0], "vehicleTypes": [{"vehicleTypeId": "forklift"}]}
+    back = {**LINE["paths"][0], "name": "back", "source": "B", "destination": "A", "locked": True}
+    vehicles = [{"name": "R1", "properties": {"nena:vehicleType": "tug"}}, {"name": "R2"}]
+    await site.save(model={**LINE, "paths": [forklifts, back], "vehicles": vehicles})
+    shown = await site.call("GET", "/v1/plantDrafts/aisle?known=1&vehicle=R1")
+    assert shown["model"] is None
+    told = {(each["name"], each["code"], each["codedReason"]["code"]) for each in shown["closed"]}
+    assert told == {("A --- B", "WAY_OTHER_TYPES", "way_other_types"), ("back", "WAY_LOCKED", "way_locked")}
+    assert "not open to robots of type tug" in shown["closed"][0]["text"]
+    other = await site.call("GET", "/v1/plantDrafts/aisle?known=1&vehicle=R2")
+    assert {each["name"] for each in other["closed"]} == {"back"}
+    assert (await site.call("GET", "/v1/plantDrafts/aisle?vehicle=R3"))["closed"] == []
+    broken = {**LINE, "paths": [{**forklifts, "destination": "Z"}], "vehicles": vehicles}
+    await site.save(model=broken, version=1)
+    assert (await site.call("GET", "/v1/plantDrafts/aisle?vehicle=R1"))["closed"] == []
+
+
 async def test_a_draft_begins_with_a_file_of_any_format_or_the_active_plant(site: Site) -> None:
     active = await site.save("copy", fromVersion=0)
     assert active["points"] == len(FILE.model.points)

@@ -7,6 +7,7 @@ from itertools import chain
 from math import hypot
 from typing import Any, Final
 
+from nena_order_service.routing.graph import Access, RoutingProfile
 from nena_shared.fleet_api.plant_drafts import DifferenceKind, PlantDifference, PlantDifferences, PlantFinding
 from nena_shared.plant import ObjectKind, PlantModel, PlantProblem
 from nena_shared.plant.advice import find_advice
@@ -72,6 +73,16 @@ def find_findings(model: PlantModel) -> tuple[PlantFinding, ...]:
     # warnings look up what a name refers to
     warnings = () if errors else (*find_warnings(model), *find_advice(model))
     return (*to_findings((*errors, *find_fleet_errors(model)), are_errors=True), *to_findings(warnings))
+
+
+def find_closed(model: PlantModel, vehicle: str) -> Iterator[PlantFinding]:
+    """Yield the paths of a model without errors that a vehicle must not use; none of an unknown vehicle."""
+    found = model.vehicles_by_name.get(vehicle)
+    access = Access(model, RoutingProfile.of(found, model.vehicle_types))
+    for edge in model.edges() if found else ():
+        if why := access.why_closed(edge):
+            (path,) = to_findings([PlantProblem(why.code.name, ObjectKind.PATH, edge.path.name, str(why))])
+            yield path.model_copy(update={"coded_reason": why.coded})
 
 
 def to_findings(problems: Iterable[PlantProblem], *, are_errors: bool = False) -> Iterator[PlantFinding]:

@@ -19,6 +19,7 @@ from nena_order_service.errors import (
 )
 from nena_order_service.extension import Core
 from nena_order_service.extensions.plant_drafts.difference import (
+    find_closed,
     find_differences,
     find_findings,
     to_findings,
@@ -100,10 +101,14 @@ class Drafts:
             if draft == name != session != request.session
         }
         found: dict[str, Any] = {"editors": tuple(sorted(others))}
-        if status.version > request.known:
+        if status.version > request.known or request.vehicle:
             text = await self.text(name)
             model = PlantModel.from_json(text)
-            found |= {"model": json.loads(text), "findings": await asyncio.to_thread(find_findings, model)}
+            findings = await asyncio.to_thread(find_findings, model)
+            if not any(each.is_error for each in findings):
+                found["closed"] = tuple(await asyncio.to_thread(find_closed, model, request.vehicle))
+            if status.version > request.known:
+                found |= {"model": json.loads(text), "findings": findings}
         return PlantDraft(**dict(status), **found)
 
     async def save(self, name: str, request: PlantDraftRequest, caller: str) -> tuple[SavedPlantDraft, bool]:

@@ -120,9 +120,14 @@ class Runs:
         missing = [module for module in NEEDED[request.program] if find_spec(module) is None]
         if missing:
             message = (
-                f"{', '.join(missing)} is not installed beside the order service. Install what runs it: "
+                f"{', '.join(missing)} is not installed beside the order service, as in its container image: "
             )
-            raise RunFailedError(message + "pip install 'nena-order-service[plant-editor]'")
+            message += (
+                "pip install 'nena-order-service[plant-editor]'. Or run `nena plant new` and `nena simulate` "
+            )
+            raise RunFailedError(
+                message + "on another computer, and begin a draft with the plant that they write"
+            )
         match request.program:
             case PlantProgram.MAP:
                 return await self._keep_map(folder, name, request)

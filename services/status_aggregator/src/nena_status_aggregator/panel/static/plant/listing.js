@@ -12,10 +12,10 @@ const UNKNOWN = 20; // robots
 
 // A list of objects of a kind. `edit(model)` takes each change; `fields(form)` returns the form of one.
 class Listing {
-  #open = null;
+  current = null; // the name of the open one
   #shown = null;
 
-  constructor(kind, title, { edit, fields, opened = () => {} }) {
+  constructor(kind, title, { edit, fields, opened }) {
     Object.assign(this, { kind, edit, fields, opened });
     this.items = element("ul", { class: "entries" });
     this.more = element("div", { class: "actions" });
@@ -25,7 +25,7 @@ class Listing {
   show(model) {
     this.model = model;
     const things = model[`${this.kind}s`] ?? [];
-    const shown = this.#open === null ? things : model; // a form changes the whole model
+    const shown = this.current === null ? things : model; // a form changes the whole model
     if (shown === this.#shown) return;
     this.#shown = shown;
     renew(this.items, things.map((thing) => this.#item(thing)));
@@ -33,23 +33,23 @@ class Listing {
 
   /** Open the form of an object. */
   open(name) {
-    this.#open = name;
+    this.current = name;
     this.#shown = null;
     this.show(this.model);
   }
 
   #item(thing) {
     const { name } = thing;
-    const isOpen = name === this.#open;
+    const isOpen = name === this.current;
     const head = verbatim("button", name, { type: "button", "aria-expanded": String(isOpen) });
     head.addEventListener("click", () => {
       this.open(isOpen ? null : name);
-      if (!isOpen) this.opened(thing);
+      this.opened(isOpen ? {} : thing);
     });
     const list = `${this.kind}s`;
     const gone = button("×", () => this.edit({ ...this.model, [list]: this.model[list].filter((each) => each.name !== name) }), { "aria-label": t("plant.removeOne", { name }) });
     const form = new Form(this.model, this.kind, [thing], (model, [kept]) => {
-      this.#open = kept;
+      this.current = kept;
       this.edit(model);
     });
     return element("li", { "data-name": name }, head, " ", gone, ...(isOpen ? [element("div", { class: "command" }, form.name(), ...this.fields(form))] : []));
@@ -59,7 +59,7 @@ class Listing {
 /** The blocks of a draft. `selected()` returns names, and `select(names)` selects them. */
 export class Blocks extends Listing {
   constructor(edit, selected, choose) {
-    super("block", t("plant.blocks"), { edit, fields: (form) => this.#fields(form), opened: ({ members }) => choose(members ?? []) });
+    super("block", t("plant.blocks"), { edit, fields: (form) => this.#fields(form), opened: ({ members }) => members && choose(members) });
     this.selected = selected;
     this.maker = button(t("plant.makeBlock"), () => this.make());
     this.more.append(this.maker);
@@ -88,10 +88,10 @@ export class Blocks extends Listing {
   }
 }
 
-/** The robots of a draft; those that have reported themselves, `known()` by their ids, are added with one click. */
+/** The robots of a draft; those that have reported themselves, `known()` by their ids, are added with one click. `opened()`: another one is open. */
 export class Vehicles extends Listing {
-  constructor(edit, known) {
-    super("vehicle", t("plant.vehicles"), { edit, fields: vehicleFields });
+  constructor(edit, known, opened) {
+    super("vehicle", t("plant.vehicles"), { edit, fields: vehicleFields, opened });
     this.known = known;
   }
 

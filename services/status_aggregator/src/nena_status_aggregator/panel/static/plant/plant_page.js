@@ -6,6 +6,7 @@ import { button, element, emptyBox, field, foreign, numberInput, numberOf, refil
 import { commandForm, confirmation, run } from "../forms.js";
 import { byName, dateAndTime, number, plural, t } from "../i18n.js";
 import { Grids } from "../map/grids.js";
+import { reasonElement } from "../reasons.js";
 import { address, backLink, currentView } from "../router.js";
 import { join } from "./building.js";
 import "./draft_canvas.js";
@@ -155,7 +156,9 @@ class PlantPage extends HTMLElement {
     this.#build(name);
     saver.addEventListener("state", () => {
       this.#showState();
-      if (saver.state === "saved") this.trials.recheck();
+      if (saver.state !== "saved") return;
+      this.trials.recheck();
+      this.#findClosed();
     });
     saver.addEventListener("findings", () => this.#showFindings());
     saver.addEventListener("editors", () => this.#showEditors());
@@ -184,7 +187,8 @@ class PlantPage extends HTMLElement {
     this.outcome = element("div", { role: "status", tabindex: -1 });
     const kept = (changed) => this.#edit(changed, this.canvas.selection);
     this.blocks = new Blocks(kept, () => this.canvas.selection, (names) => this.canvas.select(names));
-    this.vehicles = new Vehicles(kept, () => [...this.fleet.store.robots.keys()]);
+    this.vehicles = new Vehicles(kept, () => [...this.fleet.store.robots.keys()], () => this.#findClosed());
+    this.closed = [];
     this.canvas.addEventListener("block", () => this.blocks.make());
     this.trials = new Trials({ name, canvas: this.canvas, model: () => this.history.present, edit: (model) => this.#edit(model, []), flush: () => this.#saver.flush(), choose: (tool) => this.choose(tool) });
     const keys = element("p", { class: "hint", id: "plant-keys" }, t("plant.keys"));
@@ -286,16 +290,25 @@ class PlantPage extends HTMLElement {
     setText(this.editors, editors.length ? t("plant.editors", { names: editors.join(", ") }) : "");
   }
 
+  // The paths that the open robot may not use are among the findings.
+  async #findClosed() {
+    const { current } = this.vehicles;
+    const draft = current && (await askWith(["plantDrafts", this.name], [["vehicle", current], ["known", this.#saver.version]]).catch(() => null));
+    if (!this.canvas?.isConnected || this.vehicles.current !== current) return;
+    this.closed = draft?.closed ?? [];
+    this.#showFindings();
+  }
+
   #showFindings() {
-    const findings = [...this.#saver.findings, ...this.trials.findings];
+    const findings = [...this.closed, ...this.#saver.findings, ...this.trials.findings];
     const at = new Map();
     for (const { name, isError } of findings) at.set(name, isError || at.get(name) || false);
     this.canvas.findings = at;
     this.canvas.draw();
-    const items = findings.slice(0, SHOWN).map(({ kind, name, text, code, isError }) => {
+    const items = findings.slice(0, SHOWN).map(({ kind, name, text, code, isError, codedReason }) => {
       const place = name && kind !== "model" ? verbatim("button", name, { type: "button" }) : element("span");
       place.addEventListener("click", () => this.canvas.reveal(name));
-      return element("li", { "data-code": code, "data-level": isError ? "FATAL" : "WARNING" }, element("strong", {}, t(isError ? "plant.error" : "plant.warning")), " ", place, " ", foreign("span", text));
+      return element("li", { "data-code": code, "data-level": isError ? "FATAL" : "WARNING" }, element("strong", {}, t(isError ? "plant.error" : "plant.warning")), " ", place, codedReason ? "" : " ", reasonElement("span", { reason: text, codedReason }));
     });
     const none = element("p", { class: "hint" }, t("plant.noFindings"));
     const list = element("ul", { class: "entries", tabindex: 0, "aria-label": t("plant.findings") }, ...items);

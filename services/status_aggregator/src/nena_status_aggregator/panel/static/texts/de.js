@@ -1101,7 +1101,7 @@ export const TEXTS = {
   "plant.simulateHint": "Roboter, die es nur in der Simulation gibt, fahren in diesem Entwurf und in der aktiven Anlage.",
   "plant.fleetSizes": "Anzahlen der Roboter, durch Kommas getrennt",
   "plant.hours": "Simulierte Stunden",
-  "plant.orders": "Aufträge (CSV; ohne Datei zwischen allen Stationen)",
+  "plant.orders": "Aufträge (CSV; ohne Datei zwischen allen Stationen, sonst Punkten)",
   "plant.cancel": "Abbrechen",
   "plant.cancelled": "Es wurde abgebrochen.",
   "plant.simulated": "Simuliert.",

@@ -1101,7 +1101,7 @@ export const TEXTS = {
   "plant.simulateHint": "Robots that exist only in the simulation drive in this draft, and in the active plant.",
   "plant.fleetSizes": "Numbers of robots, separated by commas",
   "plant.hours": "Simulated hours",
-  "plant.orders": "Orders (CSV; without it between all stations)",
+  "plant.orders": "Orders (CSV; without it between all stations, or else points)",
   "plant.cancel": "Cancel",
   "plant.cancelled": "It was cancelled.",
   "plant.simulated": "Simulated.",

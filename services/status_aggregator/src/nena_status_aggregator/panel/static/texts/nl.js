@@ -1101,7 +1101,7 @@ export const TEXTS = {
   "plant.simulateHint": "Robots die alleen in de simulatie bestaan, rijden in dit ontwerp en in de actieve installatie.",
   "plant.fleetSizes": "Aantallen robots, gescheiden door komma's",
   "plant.hours": "Gesimuleerde uren",
-  "plant.orders": "Orders (CSV; zonder bestand tussen alle stations)",
+  "plant.orders": "Orders (CSV; zonder bestand tussen alle stations, anders punten)",
   "plant.cancel": "Annuleren",
   "plant.cancelled": "Het is geannuleerd.",
   "plant.simulated": "Gesimuleerd.",
