@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import subprocess
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 from uuid import uuid4
@@ -12,10 +13,11 @@ import structlog
 from hypothesis import HealthCheck, settings
 
 from nena_shared.tasks import failure_listeners
-from support.broker import Broker, BrokerAddress
+from support.broker import MOUNT_POINT, Broker, BrokerAddress, mosquitto
 from support.brokers import Nats, RabbitMq
 from support.postgres import Postgres
 from support.published import Publications, watched
+from support.waiting import PATIENCE
 
 if TYPE_CHECKING:
     from support.oidc_issuer import OidcIssuer
@@ -107,6 +109,17 @@ def own_logging() -> Iterator[None]:
 def broker() -> Iterator[Broker]:
     """Yield a Mosquitto shared by many tests: use separate topics, see ``interface_name``."""
     broker = Broker()
+    yield broker
+    broker.close()
+
+
+@pytest.fixture
+def changing_broker() -> Iterator[Broker]:
+    """Yield a Mosquitto that delivers messages on other topics than those they were published on."""
+    told = subprocess.run([mosquitto(), "-h"], capture_output=True, text=True, timeout=PATIENCE, check=False)
+    if "mosquitto version 2.0.11" not in told.stdout:
+        pytest.skip("Mosquitto 2.0.11 does so; others do not")
+    broker = Broker(more=f"mount_point {MOUNT_POINT}\n")
     yield broker
     broker.close()
 

@@ -198,6 +198,10 @@ class Broker(BrokerAddress):
         (self._folder / "mosquitto.conf").write_text(text + more + self._more)
 
 
+MOUNT_POINT = "hall-1/"
+"""A Mosquitto 2.0.11 with this ``mount_point`` leaves it in front of the topics that it delivers."""
+
+
 _matches = lru_cache(maxsize=10_000)(topic_matches_sub)
 """Tests look through the same topics again and again."""
 

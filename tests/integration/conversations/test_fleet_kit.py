@@ -91,20 +91,17 @@ async def test_an_honest_fleet_control_passes_all_clauses_in_each_version(broker
 
 
 async def test_a_broker_that_holds_messages_back_fails_no_clause(
-    broker: Broker, monkeypatch: pytest.MonkeyPatch
+    own_broker: Broker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     set_mode = PlayedRobot.set_mode
 
     def held_back(player: PlayedRobot, mode: OperatingMode) -> None:
-        broker.freeze()
-        asyncio.get_running_loop().call_later(2 * WATCH, broker.thaw)
+        own_broker.freeze()
+        asyncio.get_running_loop().call_later(2 * WATCH, own_broker.thaw)
         set_mode(player, mode)
 
     monkeypatch.setattr(PlayedRobot, "set_mode", held_back)
-    try:
-        assert failed(await judged(broker, ("mode/manual", "mode/service", "mode/automatic"))) == {}
-    finally:
-        broker.thaw()
+    assert failed(await judged(own_broker, ("mode/manual", "mode/service", "mode/automatic"))) == {}
 
 
 def writing(topic: Topic, edit: Callable[[Message], object]) -> type[SmallFleet]:

@@ -19,7 +19,7 @@ from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.mqtt import MqttLink
 from nena_shared.settings import MqttSettings, MqttTlsSettings
 from nena_shared.vda5050.topics import Topic
-from support.broker import Broker, BrokerAddress, MqttPeer, free_port
+from support.broker import MOUNT_POINT, Broker, BrokerAddress, MqttPeer, free_port
 from support.edge_agent import FleetControl, agent_settings, running_agent
 from support.forgetful import cancel_again_at_once, forgetful
 from support.waiting import PATIENCE, until
@@ -64,6 +64,18 @@ async def test_names_that_the_broker_changes_are_not_called_fine(
     named = {"interface_name": interface_name, "serial_number": "robot.1"}
     view = await examine_broker(settings_for(each_broker.settings, **named))
     assert verdicts(view)[Link.ACCESS] is (OK if isinstance(each_broker, Broker) else UNKNOWN)
+
+
+@pytest.mark.parametrize("serial_number", ["0001", "robot.1"])
+async def test_a_broker_that_changes_all_topics_is_not_called_fine(
+    changing_broker: Broker, interface_name: str, serial_number: str
+) -> None:
+    named = {"interface_name": interface_name, "serial_number": serial_number}
+    view = await examine_broker(settings_for(changing_broker.settings, **named))
+
+    found = view.findings[-1]
+    assert found.verdict is (MISSING if serial_number == "0001" else UNKNOWN)
+    assert f"came back on {MOUNT_POINT}{interface_name}/v2/ACME/{serial_number}/doctor" in found.text
 
 
 async def test_closed_port() -> None:

@@ -84,3 +84,13 @@ async def test_names_that_the_broker_changes_are_told(fleet: Fleet) -> None:
         await awaited(
             lambda: problems(client), lambda told: (LACKS[BrokerLack.NAMES] in told) is lack, what="the names"
         )
+
+
+async def test_a_broker_that_changes_all_topics_is_told(
+    changing_broker: Broker, interface_name: str, tmp_path: Path
+) -> None:
+    fleet = Fleet(changing_broker, interface_name, tmp_path)
+    with fleet.stack:
+        async with running(fleet.settings()) as client:
+            found = await awaited(lambda: problems(client), bool, what="the changed topics")
+    assert "mount_point" in found[0]

@@ -323,6 +323,8 @@ class _Session:
     subscribed_by_name: int = 0
     """Number of its topics subscribed to by name, after these."""
     subscribing: asyncio.Task[None] | None = None
+    told_of_strays: bool = False
+    """Whether a message on a topic that was not subscribed to was logged: some brokers change topics."""
 
     @property
     def has_room(self) -> bool:
@@ -708,7 +710,14 @@ class MqttLink:
 
     def _handle_message(self, inbound: Inbound) -> None:
         self.state.received += 1
-        for handler in self._handlers(inbound.topic):
+        handlers = self._handlers(inbound.topic)
+        if not handlers and self._session and not self._session.told_of_strays:
+            self._session.told_of_strays = True
+            log.error(
+                "the broker delivers on a topic that was not subscribed to; it is ignored",
+                topic=inbound.topic,
+            )
+        for handler in handlers:
             try:
                 handler(inbound)
             except Exception as error:  # noqa: BLE001 - it is reported

@@ -21,7 +21,7 @@ from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.topics import FleetTopics, suits_all_brokers
 from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound
-from nena_shared.mqtt.broker_check import delivers
+from nena_shared.mqtt.broker_check import topic_of_delivery
 from nena_shared.mqtt.client import NO_MQTT, NOT_ACCEPTED
 from nena_shared.mqtt.identity import tls_context
 from nena_shared.settings import MqttSettings
@@ -87,18 +87,23 @@ async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
     robot = RobotKey(settings.manufacturer, settings.serial_number)
     topics = topics_for(settings.version, settings.interface_name)
     topic = f"{topics.interface_name}/{topics.major_version}/{robot}/doctor"
-    came_back = await delivers(mqtt, client_id(settings), topic)
-    if not came_back and not suits_all_brokers(robot):
+    came_back_on = await topic_of_delivery(mqtt, client_id(settings), topic)
+    proof = "did not come back" if not came_back_on else "came back"
+    if came_back_on not in ("", topic):
+        proof = f"came back on {came_back_on}"
+    if came_back_on != topic and not suits_all_brokers(robot):
         text = (
-            f"a message on {topic} did not come back: NATS and RabbitMQ refuse or change '.' and spaces, or "
+            f"a message on {topic} {proof}: NATS and RabbitMQ refuse or change '.' and spaces, or "
             "the access list hides the robot's own messages. Rename the robot"
         )
         return BrokerView([reached, let_in, *unknown([Link.ACCESS], text)], plant_maps)
+    if came_back_on not in ("", topic):
+        remedy = "remove mount_point from Mosquitto's listener, or install Mosquitto 2.0.12 or newer"
+        changed = missing(Link.ACCESS, f"a message on {topic} {proof}", remedy)
+        return BrokerView([reached, let_in, changed], plant_maps)
     access = _access_findings(settings, refused, await asyncio.to_thread(_ask_to_write, settings))
     if access.verdict is LinkVerdict.OK:
-        proof = (
-            "came back" if came_back else "did not come back: the access list may hide the robot's own ones"
-        )
+        proof += "" if came_back_on else ": the access list may hide the robot's own ones"
         access = ok(Link.ACCESS, f"{access.text}; a message on {topic} {proof}")
     return BrokerView([reached, let_in, access], plant_maps)
 

@@ -112,7 +112,8 @@ class FleetGuard:
         if link.refused or asyncio.get_running_loop().time() > self._asked_at + DECIDED_WITHIN:
             return (
                 f"the broker does not return our messages on {self._topic} and {self._question}: check that "
-                "its access list lets the order service write and read them"
+                "its access list lets the order service write and read them, and that it keeps topics "
+                "as they are (Mosquitto before 2.0.12 does not where its listener has a mount_point)"
             )
         return ""
 
