@@ -172,13 +172,11 @@ class SimpleAction:
         self._waiting: list[tuple[UUID, Answer]] = []
         self._active: set[UUID] = set()
 
-    def open(
-        self, begin: Callable[[UUID, Any], bool], cancel: Callable[[UUID], bool] = lambda _: False
-    ) -> list[Any]:
+    def open(self, begin: Callable[[UUID, Any], bool], cancel: Callable[[UUID], bool] | None) -> list[Any]:
         """Join the ROS graph.
 
         ``begin`` starts a goal, and returns whether it is accepted; ``cancel`` ends the one at hand, and
-        returns whether it was the requested one.
+        returns whether it was the requested one; None: another one serves the cancelling.
         """
         hidden, services, serve = f"{self.name}/_action", self._kind.Impl, self._session.serve_later
 
@@ -196,7 +194,7 @@ class SimpleAction:
                 self._answer()
 
         def on_cancel(request: Any, answer: Answer) -> None:  # noqa: ANN401
-            cancelled = cancel(messages.goal_id_of(request.goal_info))
+            cancelled = cancel is not None and cancel(messages.goal_id_of(request.goal_info))
             answer(CancelGoal.Response(goals_canceling=[request.goal_info] if cancelled else []))
 
         self._status = self._session.publisher(GoalStatusArray, f"{hidden}/status", LATCHED)
@@ -206,7 +204,7 @@ class SimpleAction:
             self._feedback,
             serve(services.SendGoalService, f"{hidden}/send_goal", on_goal),
             serve(services.GetResultService, f"{hidden}/get_result", on_result),
-            serve(CancelGoal, f"{hidden}/cancel_goal", on_cancel),
+            *([serve(CancelGoal, f"{hidden}/cancel_goal", on_cancel)] if cancel else []),
         ]
 
     def result(self) -> Any:  # noqa: ANN401

@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 from uuid import UUID
 
-from action_msgs.msg import GoalStatus, GoalStatusArray
-from action_msgs.srv import CancelGoal
-
-from nena_robot_simulator import messages
-from nena_robot_simulator.action_server import FEEDBACK, LATCHED
+from nena_robot_simulator.action_server import SimpleAction
 from nena_robot_simulator.robot import Robot
 from nena_robot_simulator.servers import Server
 from nena_robot_simulator.session import RosSession
@@ -35,7 +32,6 @@ DOCK_DISTANCE, DOCK_SPEED = 0.4, 0.2
 """Distance from the staging pose into the dock, m, and speed, m/s."""
 YAW_RATE = 1.0
 """Yaw rate of behaviours, rad/s."""
-Answer = Callable[[Any], None]
 
 
 @dataclass(slots=True)
@@ -63,10 +59,7 @@ class Behaviours:
         self._wake = wake
         self._work: Work | None = None
         self._pose = robot.pose
-        self._waiting: dict[UUID, Answer] = {}
-        self._ended: dict[UUID, tuple[Status, int]] = {}
-        self._types: dict[str, Any] = {}
-        self._statuses: dict[str, Any] = {}
+        self._actions: dict[str, SimpleAction] = {}
 
         session.every(PERIOD, self._advance_work)
 
@@ -76,8 +69,9 @@ class Behaviours:
         for name, type_name in actions.items():
             kind = interface(f"nav2_msgs/action/{type_name}")
             if kind is not None:
-                self._types[name] = kind
-                found += self._serve_action(name, kind)
+                action = self._actions[name] = SimpleAction(self._session, name, kind)
+                cancel = None if name in RECOVERIES else partial(self._cancel_goal, name)
+                found += action.open(partial(self._accept_goal, name), cancel)
         return found
 
     def cancel(self, *names: str) -> bool:
@@ -87,40 +81,8 @@ class Behaviours:
         self._end_work(Status.CANCELED)
         return True
 
-    def _serve_action(self, name: str, kind: Any) -> list[Any]:  # noqa: ANN401
-        hidden, services = f"{name}/_action", kind.Impl
-
-        def on_goal(request: Any, answer: Answer) -> None:  # noqa: ANN401
-            accepted = self._accept_goal(name, messages.goal_id_of(request), request.goal)
-            answer(services.SendGoalService.Response(accepted=accepted))
-
-        def on_result(request: Any, answer: Answer) -> None:  # noqa: ANN401
-            self._waiting[messages.goal_id_of(request)] = answer
-            self._answer_results(name)
-
-        def on_cancel(request: Any, answer: Answer) -> None:  # noqa: ANN401
-            response = CancelGoal.Response()
-            if self.cancel(name):
-                response.goals_canceling = [request.goal_info]
-            answer(response)
-
-        status = self._statuses[name] = self._session.publisher(GoalStatusArray, f"{hidden}/status", LATCHED)
-        serve = self._session.serve_later
-        own_cancel = [] if name in RECOVERIES else [serve(CancelGoal, f"{hidden}/cancel_goal", on_cancel)]
-        return [
-            serve(services.SendGoalService, f"{hidden}/send_goal", on_goal),
-            serve(services.GetResultService, f"{hidden}/get_result", on_result),
-            *own_cancel,
-            status,
-            # rclpy's clients wait for this topic, although they do not use the feedback of behaviours
-            self._session.publisher(services.FeedbackMessage, f"{hidden}/feedback", FEEDBACK),
-        ]
-
-    def _show_status(self, name: str, goal_id: UUID, status: Status) -> None:
-        """Publish the status of the newest goal."""
-        entry = GoalStatus(status=int(status))
-        entry.goal_info.goal_id.uuid = list(goal_id.bytes)
-        self._statuses[name].publish(GoalStatusArray(status_list=[entry]))
+    def _cancel_goal(self, name: str, _goal_id: UUID) -> bool:
+        return self.cancel(name)
 
     def _accept_goal(self, name: str, goal_id: UUID, goal: Any) -> bool:  # noqa: ANN401
         if self._work is not None:
@@ -128,7 +90,7 @@ class Behaviours:
         self._work = self._work_of(name, goal_id, goal)
         log.info("behaviour", name=name, left=self._work.left)
         self._robot.behaviour, self._pose = self._work.velocity, self._robot.pose
-        self._show_status(name, goal_id, Status.EXECUTING)
+        self._actions[name].show(goal_id, Status.EXECUTING)
         if name != "dock_robot":
             self._robot.docked = False
         self._wake()
@@ -169,19 +131,12 @@ class Behaviours:
     def _end_work(self, status: Status) -> None:
         work, self._work, self._robot.behaviour = self._work, None, None
         if work is not None:
-            self._ended[work.goal_id] = (status, work.error_code)
             if work.name == "dock_robot" and status is Status.SUCCEEDED:
                 self._robot.docked = True
             log.info("behaviour ended", name=work.name, status=status.name)
-            self._show_status(work.name, work.goal_id, status)
-            self._answer_results(work.name)
-
-    def _answer_results(self, name: str) -> None:
-        """Answer the clients that wait for the result of an ended goal."""
-        for goal_id in [each for each in self._waiting if each in self._ended]:
-            status, code = self._ended[goal_id]
-            response = self._types[name].Impl.GetResultService.Response(status=int(status))
-            response.result.error_code = code
-            if hasattr(response.result, "success"):
-                response.result.success = status is Status.SUCCEEDED
-            self._waiting.pop(goal_id)(response)
+            action = self._actions[work.name]
+            result = action.result()
+            result.error_code = work.error_code
+            if hasattr(result, "success"):
+                result.success = status is Status.SUCCEEDED
+            action.end(work.goal_id, status, result)

@@ -40,7 +40,7 @@ class PlannerServer:
             kind = interface(f"nav2_msgs/action/{type_name}")
             if kind is not None:
                 action = SimpleAction(self._session, name, kind)
-                found += action.open(partial(self._plan_path, action))
+                found += action.open(partial(self._plan_path, action), lambda _: False)
         return found
 
     def _plan_path(self, action: SimpleAction, goal_id: UUID, goal: Any) -> bool:  # noqa: ANN401 - rclpy carries no types
