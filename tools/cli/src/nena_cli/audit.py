@@ -60,7 +60,7 @@ def list_(
             found += page.entries
             if len(found) >= limit:
                 break
-    service.print_all(found[:limit], tables.audit_table)
+    service.print_all(tables.audit_table, *found[:limit])
 
 
 @app.command()

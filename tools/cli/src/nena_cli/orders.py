@@ -140,7 +140,7 @@ def import_(
             made = tuple(each.transport_order for each in results if each.transport_order)
             created += sum(not each.problem for each in results)
             if made and service.output is not Format.TABLE:
-                _print_orders(service, *made)
+                service.print_all(tables.orders_table, *made)
     echo(f"{created} {'possible' if check else 'created, or already there'}, {refused} refused")
     if refused:
         raise typer.Exit(REFUSED)
@@ -175,7 +175,7 @@ def list_(
         found = tuple(islice((each for page in pages for each in page.transport_orders), limit))
         if vehicle is not None and not found:
             connection.call(SHOW_VEHICLE, vehicle)  # an unknown one is an error
-        _print_orders(service, *found)
+        service.print_all(tables.orders_table, *found)
 
 
 @app.command("show")
@@ -204,7 +204,7 @@ def watch_(
         if vehicle is not None:
             connection.call(SHOW_VEHICLE, vehicle)  # an unknown one is an error
         query: Query = {"kind": "transportOrder", "vehicle": vehicle}
-        for _ in watch(connection, _make_board(), query, service.output):
+        for _ in watch(connection, Board(TransportOrderStatus, tables.orders_table), query, service.output):
             pass
 
 
@@ -308,7 +308,7 @@ def _send_change(
     version: int | None,
 ) -> None:
     headers = {} if version is None else {"If-Match": f'"{version}"'}
-    _print_orders(service, service.call(operation, name, body=body, headers=headers))
+    service.print_all(tables.orders_table, service.call(operation, name, body=body, headers=headers))
 
 
 def _build_request(
@@ -333,26 +333,18 @@ def print_or_watch(service: Service, connection: Client, order: TransportOrderSt
     if wait:
         _watch_one(service, connection, order.name)
     else:
-        _print_orders(service, order)
+        service.print_all(tables.orders_table, order)
 
 
 def _watch_one(service: Service, connection: Client, name: str) -> None:
     """Watch an order to its end; exit with status 1 unless it is FINISHED."""
     order = connection.call(SHOW_ORDER, name)
     if order.state.final:
-        _print_orders(service, order)
+        service.print_all(tables.orders_table, order)
     else:
         query: Query = {"kind": "transportOrder", "transportOrder": name}
-        changes = watch(connection, _make_board(), query, service.output)
+        changes = watch(connection, Board(TransportOrderStatus, tables.orders_table), query, service.output)
         order = next(change for change in changes if change.state.final)
         changes.close()
     if order.state is not TransportOrderState.FINISHED:
         fail(f"{order.name} is {order.state}: {order.reason}", REFUSED)
-
-
-def _print_orders(service: Service, *orders: TransportOrderStatus) -> None:
-    service.print_all(orders, tables.orders_table)
-
-
-def _make_board() -> Board[TransportOrderStatus]:
-    return Board(TransportOrderStatus, tables.orders_table)

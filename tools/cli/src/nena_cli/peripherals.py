@@ -19,14 +19,14 @@ app = group()
 @of_service
 def list_(service: Service) -> None:
     """List the peripheral devices."""
-    service.print_all(service.call(LIST_PERIPHERALS).peripherals, tables.peripherals_table)
+    service.print_all(tables.peripherals_table, *service.call(LIST_PERIPHERALS).peripherals)
 
 
 @app.command()
 @of_service
 def jobs(service: Service) -> None:
     """List the unfinished jobs and the last ended ones, newest first."""
-    service.print_all(service.call(LIST_JOBS).peripheral_jobs, tables.peripheral_jobs_table)
+    service.print_all(tables.peripheral_jobs_table, *service.call(LIST_JOBS).peripheral_jobs)
 
 
 @app.command()
@@ -45,7 +45,7 @@ def run(
         "operation": operation,
         "reservationToken": reservation,
     }
-    service.print_all((service.call(CREATE_JOB, body=body),), tables.peripheral_jobs_table)
+    service.print_all(tables.peripheral_jobs_table, service.call(CREATE_JOB, body=body))
 
 
 @app.command()
@@ -54,4 +54,4 @@ def withdraw(
     service: Service, job: Annotated[str, typer.Argument(help="Name of the peripheral job.")]
 ) -> None:
     """Withdraw a job; a vehicle that requires it fails its drive."""
-    service.print_all((service.call(WITHDRAW_JOB, job, body={}),), tables.peripheral_jobs_table)
+    service.print_all(tables.peripheral_jobs_table, service.call(WITHDRAW_JOB, job, body={}))

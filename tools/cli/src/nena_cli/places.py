@@ -75,14 +75,14 @@ def list_points(
     query: Query = {"type": type_, "mapId": map_id, "vehicle": vehicle}
     with service.connected() as connection:
         found = [each for page in connection.pages(LIST_POINTS, query) for each in page.points]
-    service.print_all(found, tables.points_table)
+    service.print_all(tables.points_table, *found)
 
 
 @points.command("show")
 @of_service
 def show_point(service: Service, name: PointName) -> None:
     """Show a point, and the vehicles that stand there or for which it is reserved."""
-    service.print_all((service.call(SHOW_POINT, name),), tables.points_table)
+    service.print_all(tables.points_table, service.call(SHOW_POINT, name))
 
 
 @paths.command("list")
@@ -93,7 +93,7 @@ def list_paths(
     locked: Annotated[bool | None, typer.Option("--locked/--unlocked", help="Only such paths.")] = None,
 ) -> None:
     """List the paths, and which of them are locked."""
-    service.print_all(service.call(LIST_PATHS, query={"locked": locked}).paths, tables.paths_table)
+    service.print_all(tables.paths_table, *service.call(LIST_PATHS, query={"locked": locked}).paths)
 
 
 @paths.command("lock")
@@ -106,16 +106,16 @@ def lock_path(
 ) -> None:
     """Lock a path: new routes avoid it, also those of driving vehicles."""
     if check:
-        service.print_all((service.call(PREVIEW_PATH_LOCK, name),), tables.lock_previews_table)
+        service.print_all(tables.lock_previews_table, service.call(PREVIEW_PATH_LOCK, name))
     else:
-        service.print_all((service.call(LOCK_PATH, name, body={"locked": True}),), tables.paths_table)
+        service.print_all(tables.paths_table, service.call(LOCK_PATH, name, body={"locked": True}))
 
 
 @paths.command("unlock")
 @of_service
 def unlock_path(service: Service, name: PathName) -> None:
     """Unlock a path."""
-    service.print_all((service.call(LOCK_PATH, name, body={"locked": False}),), tables.paths_table)
+    service.print_all(tables.paths_table, service.call(LOCK_PATH, name, body={"locked": False}))
 
 
 @locations.command("list")
@@ -135,11 +135,11 @@ def list_locations(
     query: Query = {"type": type_, "point": point, "operation": operation}
     with service.connected() as connection:
         found = [each for page in connection.pages(LIST_LOCATIONS, query) for each in page.locations]
-    service.print_all(found, tables.locations_table)
+    service.print_all(tables.locations_table, *found)
 
 
 @locations.command("show")
 @of_service
 def show_location(service: Service, name: LocationName) -> None:
     """Show a location: what it offers, and from which points it is served."""
-    service.print_all((service.call(SHOW_LOCATION, name),), tables.locations_table)
+    service.print_all(tables.locations_table, service.call(SHOW_LOCATION, name))

@@ -52,7 +52,7 @@ def list_(
         answer = client.get("/api/v1/recordings", params={"robot": robot} if robot else None)
         check_answer(answer)
         found = _ROWS.validate_json(answer.content)
-    service.print_all(found, recordings_table)
+    service.print_all(recordings_table, *found)
 
 
 @app.command()

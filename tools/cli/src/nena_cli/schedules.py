@@ -27,7 +27,7 @@ from nena_shared.fleet_api.operations.schedules import (
     PUT_SCHEDULE,
     SHOW_SCHEDULE,
 )
-from nena_shared.fleet_api.schedules import CATCH_UP_LIMIT, OPEN_ORDERS, OPEN_ORDERS_LIMIT, ScheduleStatus
+from nena_shared.fleet_api.schedules import CATCH_UP_LIMIT, OPEN_ORDERS, OPEN_ORDERS_LIMIT
 
 app = group()
 
@@ -41,7 +41,7 @@ Name = Annotated[str, typer.Argument(help="Name of the schedule.")]
 @of_service
 def list_(service: Service) -> None:
     """List the schedules with their next and last runs."""
-    _print_schedules(service, *service.call(LIST_SCHEDULES).schedules)
+    service.print_all(tables.schedules_table, *service.call(LIST_SCHEDULES).schedules)
 
 
 @app.command("show")
@@ -102,7 +102,7 @@ def put(
         "maxOpenOrders": max_open_orders,
         "enabled": not disabled,
     }
-    _print_schedules(service, service.call(PUT_SCHEDULE, name, body=body))
+    service.print_all(tables.schedules_table, service.call(PUT_SCHEDULE, name, body=body))
 
 
 @app.command()
@@ -120,21 +120,21 @@ def run(service: Service, name: Name, *, wait: option.Wait = False) -> None:
 @of_service
 def enable(service: Service, name: Name) -> None:
     """Enable a schedule. What it has missed while disabled is not caught up."""
-    _print_schedules(service, service.call(ENABLE_SCHEDULE, name, body={"enabled": True}))
+    service.print_all(tables.schedules_table, service.call(ENABLE_SCHEDULE, name, body={"enabled": True}))
 
 
 @app.command()
 @of_service
 def disable(service: Service, name: Name) -> None:
     """Disable a schedule: it creates no orders until it is enabled."""
-    _print_schedules(service, service.call(ENABLE_SCHEDULE, name, body={"enabled": False}))
+    service.print_all(tables.schedules_table, service.call(ENABLE_SCHEDULE, name, body={"enabled": False}))
 
 
 @app.command()
 @of_service
 def delete(service: Service, name: Name) -> None:
     """Delete a schedule; the orders that it has created stay."""
-    _print_schedules(service, service.call(DELETE_SCHEDULE, name))
+    service.print_all(tables.schedules_table, service.call(DELETE_SCHEDULE, name))
 
 
 def _order_template(
@@ -162,7 +162,3 @@ def _order_template(
 
 def _utc_moment(local: datetime | None) -> str | None:
     return None if local is None else iso(in_utc(local.astimezone()))
-
-
-def _print_schedules(service: Service, *schedules: ScheduleStatus) -> None:
-    service.print_all(schedules, tables.schedules_table)

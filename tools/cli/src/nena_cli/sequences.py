@@ -20,7 +20,6 @@ from nena_shared.fleet_api.operations.sequences import (
     LIST_SEQUENCES,
     SHOW_SEQUENCE,
 )
-from nena_shared.fleet_api.transport_order import OrderSequenceStatus
 
 app = group()
 
@@ -52,7 +51,7 @@ def create(
     body.update({field: value for field, value in given.items() if value is not None})
     if types:
         body["orderTypes"] = [*types]
-    _print_sequences(service, service.call(CREATE_SEQUENCE, body=body))
+    service.print_all(tables.sequences_table, service.call(CREATE_SEQUENCE, body=body))
 
 
 @app.command("list")
@@ -76,7 +75,9 @@ def list_(
     query: Query = {"finished": finished, "intendedVehicle": vehicle, "since": since, "until": until}
     with service.connected() as connection:
         pages = connection.pages(LIST_SEQUENCES, query)
-        _print_sequences(service, *islice((each for page in pages for each in page.order_sequences), limit))
+        service.print_all(
+            tables.sequences_table, *islice((each for page in pages for each in page.order_sequences), limit)
+        )
 
 
 @app.command("show")
@@ -91,8 +92,4 @@ def show_(service: Service, name: Name) -> None:
 @of_service
 def complete(service: Service, name: Name) -> None:
     """Complete an order sequence: it accepts no more orders and releases its vehicle after the last one."""
-    _print_sequences(service, service.call(COMPLETE_SEQUENCE, name, body={}))
-
-
-def _print_sequences(service: Service, *sequences: OrderSequenceStatus) -> None:
-    service.print_all(sequences, tables.sequences_table)
+    service.print_all(tables.sequences_table, service.call(COMPLETE_SEQUENCE, name, body={}))

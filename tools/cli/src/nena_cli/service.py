@@ -89,7 +89,7 @@ class Service:
         else:
             print_object(self.output, found)
 
-    def print_all(self, found: Sequence[M], table: Callable[[Sequence[M]], Table]) -> None:
+    def print_all(self, table: Callable[[Sequence[M]], Table], *found: M) -> None:
         """Print several objects; ``table`` makes the table of them."""
         print_objects(self.output, found, table)
 

@@ -27,7 +27,7 @@ CORNERS = 4
 @of_service
 def list_(service: Service) -> None:
     """List the active stops, and the robots that are not paused."""
-    service.print_all(service.call(LIST_STOPS).stops, tables.stops_table)
+    service.print_all(tables.stops_table, *service.call(LIST_STOPS).stops)
 
 
 @app.command("all")
@@ -63,11 +63,11 @@ def end(
 ) -> None:
     """End a stop: the robots that it has paused continue."""
     done = service.call(END_STOP, name, body={"by": by or getuser(), "reason": reason})
-    service.print_all((done,), tables.stops_table)
+    service.print_all(tables.stops_table, done)
 
 
 def _begin_stop(service: Service, body: dict[str, JsonValue]) -> None:
-    service.print_all((service.call(STOP, body=body),), tables.stops_table)
+    service.print_all(tables.stops_table, service.call(STOP, body=body))
 
 
 def _parse_area(corners: str, map_id: str | None) -> Area:

@@ -53,7 +53,7 @@ def list_(
         vehicles = connection.call(LIST_VEHICLES, query={"state": state}).vehicles
         filtered = state and any(vehicle.wait for vehicle in vehicles)
         fleet = connection.call(LIST_VEHICLES).vehicles if filtered else ()
-    service.print_all(vehicles, partial(tables.vehicles_table, fleet=fleet))
+    service.print_all(partial(tables.vehicles_table, fleet=fleet), *vehicles)
 
 
 @app.command("show")
@@ -63,7 +63,7 @@ def show_(service: Service, name: Name) -> None:
     with service.connected() as connection:
         vehicle = connection.call(SHOW_VEHICLE, name)
         fleet = connection.call(LIST_VEHICLES).vehicles if vehicle.wait else ()
-    service.print_all((vehicle,), partial(tables.vehicles_table, fleet=fleet))
+    service.print_all(partial(tables.vehicles_table, fleet=fleet), vehicle)
 
 
 @app.command("watch")

@@ -18,7 +18,6 @@ from nena_shared.fleet_api.operations.plant import (
     LIST_ZONE_SETS,
     PUT_ZONE_SET,
 )
-from nena_shared.fleet_api.plant import ZoneSetStatus
 
 app = group()
 
@@ -29,7 +28,7 @@ Name = Annotated[str, typer.Argument(help="zoneSetId of the zone set.")]
 @of_service
 def list_(service: Service) -> None:
     """List the zone sets and their status at the robots."""
-    _print_zone_sets(service, *service.call(LIST_ZONE_SETS).zone_sets)
+    service.print_all(tables.zone_sets_table, *service.call(LIST_ZONE_SETS).zone_sets)
 
 
 @app.command()
@@ -43,22 +42,18 @@ def put(
         body = from_json(file.read_bytes(), allow_inf_nan=False)
     except (OSError, ValueError) as error:
         fail(f"{file}: {error}")
-    _print_zone_sets(service, service.call(PUT_ZONE_SET, body=body))
+    service.print_all(tables.zone_sets_table, service.call(PUT_ZONE_SET, body=body))
 
 
 @app.command()
 @of_service
 def enable(service: Service, name: Name) -> None:
     """Enable a zone set at the robots; disables the others of its map."""
-    _print_zone_sets(service, service.call(ENABLE_ZONE_SET, name, body={}))
+    service.print_all(tables.zone_sets_table, service.call(ENABLE_ZONE_SET, name, body={}))
 
 
 @app.command()
 @of_service
 def delete(service: Service, name: Name) -> None:
     """Delete a zone set at the robots."""
-    _print_zone_sets(service, service.call(DELETE_ZONE_SET, name))
-
-
-def _print_zone_sets(service: Service, *zone_sets: ZoneSetStatus) -> None:
-    service.print_all(zone_sets, tables.zone_sets_table)
+    service.print_all(tables.zone_sets_table, service.call(DELETE_ZONE_SET, name))
