@@ -10,13 +10,27 @@ from nena_edge_agent import extension as agent_extension
 from nena_edge_agent import metrics as edge_agent
 from nena_order_service import extension as order_service_extension
 from nena_order_service.api import metrics as order_service
-from nena_shared.metrics import Metric, Section
+from nena_shared.metrics import Metric, MetricKind, Section, gauge
 from nena_status_aggregator import extension as aggregator_extension
 from nena_status_aggregator.metrics import exposition, robot_series
 from support.markdown import row
 
 _HERE: Final = Path(__file__).parent
 DOCUMENT: Final = _HERE.parents[1] / "docs" / "metrics.md"
+
+ROBOT_LABELS: Final = ("manufacturer", "serial_number")
+
+
+def robot_metrics() -> Iterator[Metric[object]]:
+    """Yield the metrics of single robots, which the aggregator writes by hand."""
+    yield gauge(
+        robot_series.CONDITION, robot_series.CONDITION_TEXT, lambda _: None, *ROBOT_LABELS, "condition"
+    )
+    heads = [(series.name, series.kind, series.text) for series in robot_series.OF_ROBOT]
+    heads += [(series.name, series.kind, series.text) for series in robot_series.OF_STATE]
+    for name, kind, text in heads:
+        yield Metric(name, MetricKind(kind), text, ROBOT_LABELS, lambda _: None)
+
 
 PROGRAMS: Final[dict[str, tuple[Section[Any], ...]]] = {
     "Order service": (
@@ -30,7 +44,7 @@ PROGRAMS: Final[dict[str, tuple[Section[Any], ...]]] = {
     "Status aggregator": (
         *exposition.SECTIONS,
         *(each.section for each in aggregator_extension.installed().values() if each.section),
-        Section("Single robots", tuple(robot_series.documented_metrics())),
+        Section("Single robots", tuple(robot_metrics())),
     ),
 }
 

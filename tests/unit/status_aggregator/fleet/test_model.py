@@ -12,9 +12,10 @@ from nena_shared.plant.model import PlantModel
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.messages import MessageKind
 from nena_status_aggregator.fleet.model import FleetModel, MapCache, ModelLimits, RobotRegistry
-from nena_status_aggregator.fleet.publication import Delta, apply_delta
+from nena_status_aggregator.fleet.publication import Delta
 from nena_status_aggregator.fleet.robot import Timestamp
 from nena_status_aggregator.fleet.views import RobotView
+from support.deltas import apply_delta
 from support.fleet_examples import (
     ROBOT,
     connection,

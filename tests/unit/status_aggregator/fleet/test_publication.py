@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_shared.vda5050.topics import RobotKey
-from nena_status_aggregator.fleet.publication import Delta, Publication, apply_delta
+from nena_status_aggregator.fleet.publication import Delta, Publication
 from nena_status_aggregator.fleet.views import OrderView, PeripheralView, RobotView
+from support.deltas import apply_delta
 
 NAMES = ("r1", "r2", "r3")
 STEPS = st.lists(

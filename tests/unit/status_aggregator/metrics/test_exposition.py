@@ -17,8 +17,8 @@ from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.fleet.messages import MessageKind
 from nena_status_aggregator.metrics.exposition import SECTIONS, Exposition
-from nena_status_aggregator.metrics.robot_series import documented_metrics
 from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings, JamSettings
+from reference.metrics import robot_metrics
 from support.certificates import Authority
 from support.clocks import ManualClock
 from support.fleet_examples import ROBOT, START, connection, order_status, position, vehicle_status
@@ -93,7 +93,7 @@ def value(aggregator: Aggregator, name: str, **labels: str) -> float | None:
 
 def test_documented_metrics_equal_the_exposed_ones(aggregator: Aggregator) -> None:
     tables: list[Documented[Any]] = [each for section in SECTIONS for each in section.metrics]
-    tables += documented_metrics()
+    tables += robot_metrics()
     found = {
         f"{family.name}_total" if family.type == "counter" else family.name: (
             family.type,

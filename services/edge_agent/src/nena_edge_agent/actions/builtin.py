@@ -55,13 +55,8 @@ class Wait:
         """Start the countdown."""
         value = action.parameter("duration")
         seconds = float(value) if isinstance(value, int | float) else 0.0
-
-        def report_end() -> None:
-            report(ActionReport(action.action_id, ActionStatus.FINISHED))
-
-        countdown = Countdown(action.action_id, seconds, report, report_end)
-        countdown.start()
-        return countdown
+        end = ActionReport(action.action_id, ActionStatus.FINISHED)
+        return Countdown(action.action_id, seconds, report, partial(report, end)).start()
 
 
 class TimedOperation:
@@ -83,13 +78,8 @@ class TimedOperation:
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Start the countdown."""
-
-        def report_end() -> None:
-            report(ActionReport(action.action_id, ActionStatus.FINISHED, charging=self._settings.charging))
-
-        countdown = Countdown(action.action_id, self._settings.seconds, report, report_end)
-        countdown.start()
-        return countdown
+        end = ActionReport(action.action_id, ActionStatus.FINISHED, charging=self._settings.charging)
+        return Countdown(action.action_id, self._settings.seconds, report, partial(report, end)).start()
 
 
 # 0019: a factsheet that lists this action tells fleet control that the robot transforms, not the fleet.
@@ -201,9 +191,7 @@ class UseBehaviorTree:
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Run until the edge ends."""
-        lasting = Countdown(action.action_id, LONGEST, report, lambda: None)
-        lasting.start()
-        return lasting
+        return Countdown(action.action_id, LONGEST, report, lambda: None).start()
 
 
 class Unavailable:
@@ -230,15 +218,6 @@ class SimulatedOperation:
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Start the countdown; an open-ended action runs until it is cancelled."""
-
-        def report_end() -> None:
-            report(
-                ActionReport(action.action_id, ActionStatus.FINISHED, "simulated", charging=self._charging)
-            )
-
-        lasting = self.declaration.open_ended
-        countdown = Countdown(
-            action.action_id, float("inf") if lasting else self._seconds, report, report_end
-        )
-        countdown.start()
-        return countdown
+        end = ActionReport(action.action_id, ActionStatus.FINISHED, "simulated", charging=self._charging)
+        seconds = float("inf") if self.declaration.open_ended else self._seconds
+        return Countdown(action.action_id, seconds, report, partial(report, end)).start()

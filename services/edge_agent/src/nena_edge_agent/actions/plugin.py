@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Coroutine, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 from pydantic import JsonValue
 
@@ -323,10 +323,11 @@ class Countdown:
         self._timer: asyncio.TimerHandle | None = None
         self._ended = False
 
-    def start(self) -> None:
-        """Start the countdown."""
+    def start(self) -> Self:
+        """Start the countdown, and return it."""
         self._timer = asyncio.get_running_loop().call_later(self._left, self._work_ended)
         self._report(ActionReport(self._action_id, ActionStatus.RUNNING))
+        return self
 
     def pause(self) -> None:
         """Stop the countdown; report PAUSED."""

@@ -39,9 +39,7 @@ class SimulatedAction:
             status = ActionStatus.FAILED if problem else ActionStatus.FINISHED
             report(ActionReport(action.action_id, status, problem or "done"))
 
-        countdown = Countdown(action.action_id, seconds, report, done)
-        countdown.start()
-        return countdown
+        return Countdown(action.action_id, seconds, report, done).start()
 
 
 class AlternatingOutcome:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import hypot
 from typing import Generic, TypeVar
 
-from nena_shared.metrics import Metric, MetricKind, gauge
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import EmergencyStop, State
 from nena_status_aggregator.fleet.robot import Robot, Timestamp
@@ -172,16 +171,6 @@ def robot_families(robots: Iterable[Robot], now: Timestamp) -> str:
 
 CONDITION = "nena_robot_condition"
 CONDITION_TEXT = "1 for the current condition; the others are absent."
-ROBOT_LABELS = ("manufacturer", "serial_number")
-
-
-def documented_metrics() -> Iterator[Metric[object]]:
-    """Yield each metric as the documentation lists it."""
-    yield gauge(CONDITION, CONDITION_TEXT, lambda _: None, *ROBOT_LABELS, "condition")
-    heads = [(series.name, series.kind, series.text) for series in OF_ROBOT]
-    heads += [(series.name, series.kind, series.text) for series in OF_STATE]
-    for name, kind, text in heads:
-        yield Metric(name, MetricKind(kind), text, ROBOT_LABELS, lambda _: None)
 
 
 def _family_lines(series: Series[S], rows: list[tuple[S, str]], now: Timestamp) -> str:
