@@ -173,7 +173,7 @@ class Receiver:
         )
 
     def order(self, payload: bytes, *, retained: bool = False) -> None:
-        self.inbox.take_order(Inbound("x/order", payload, retained))
+        self.inbox.take_message(Topic.ORDER, Inbound("x/order", payload, retained))
 
     @property
     def refusal(self) -> dict[str, str]:
@@ -197,8 +197,9 @@ def test_a_valid_order_becomes_an_event() -> None:
 def test_valid_instant_actions_become_an_event() -> None:
     receiver = Receiver()
 
-    receiver.inbox.take_instant_actions(
-        Inbound("x", CODEC.encode(InstantActions(**HEADER, actions=(action("a"),))), retained=False)
+    receiver.inbox.take_message(
+        Topic.INSTANT_ACTIONS,
+        Inbound("x", CODEC.encode(InstantActions(**HEADER, actions=(action("a"),))), retained=False),
     )
 
     (event,) = receiver.events
@@ -286,7 +287,7 @@ def test_an_order_without_map_is_on_the_only_one_of_the_robot(map_ids: set[str],
     content = json.loads(CODEC.encode(order("n0", "n1")))
     del content["nodes"][1]["nodePosition"]["mapId"]
 
-    inbox.take_order(Inbound("x/order", json.dumps(content).encode(), retained=False))
+    inbox.take_message(Topic.ORDER, Inbound("x/order", json.dumps(content).encode(), retained=False))
 
     assert [isinstance(event, OrderReceived) for event in events] == [read]
 
@@ -305,7 +306,7 @@ def test_a_message_for_another_robot_is_refused() -> None:
 def test_the_error_of_refused_instant_actions_ends_with_the_next_ones() -> None:
     receiver = Receiver()
 
-    receiver.inbox.take_instant_actions(Inbound("x", b"{}", retained=False))
+    receiver.inbox.take_message(Topic.INSTANT_ACTIONS, Inbound("x", b"{}", retained=False))
     receiver.order(b"{}")
 
     assert [event.until for event in receiver.events if isinstance(event, MessageRefused)] == [
@@ -339,8 +340,9 @@ def test_numbers_and_booleans_sent_as_text_are_accepted_if_the_action_declares_t
     )
 
     receiver.order(CODEC.encode(order("n0", "n1", node_actions={"n1": [lift]})))
-    receiver.inbox.take_instant_actions(
-        Inbound("x", CODEC.encode(InstantActions(**HEADER, actions=(lift,))), retained=False)
+    receiver.inbox.take_message(
+        Topic.INSTANT_ACTIONS,
+        Inbound("x", CODEC.encode(InstantActions(**HEADER, actions=(lift,))), retained=False),
     )
 
     ordered, instant = receiver.events
@@ -381,7 +383,7 @@ def test_an_initial_position_is_read_if_its_meaning_is_certain(
     given = tuple(ActionParameter(key=key, value=each) for key, each in sent.items() if each is not None)
     place = action("i", "NONE", "initializePosition").model_copy(update={"action_parameters": given})
     payload = CODEC.encode(InstantActions(**HEADER, actions=(place,)))
-    receiver.inbox.take_instant_actions(Inbound("x", payload, retained=False))
+    receiver.inbox.take_message(Topic.INSTANT_ACTIONS, Inbound("x", payload, retained=False))
 
     (event,) = receiver.events
     assert isinstance(event, InstantActionsReceived)

@@ -21,7 +21,7 @@ from nena_edge_agent.driver.port import (
 from nena_edge_agent.extension import Extension, Robot
 from nena_edge_agent.factsheet import make_capabilities
 from nena_edge_agent.journal import Journal, Recorder, check_frame, read_journal
-from nena_edge_agent.messages import InboxCounts, RobotMessages, client_id_of
+from nena_edge_agent.messages import COMMANDS, OF_ZONES, InboxCounts, RobotMessages, client_id_of
 from nena_edge_agent.nav2.offers import NO_OFFERS, Nav2Offers
 from nena_edge_agent.power import WAKE_UP_VARIABLE, run_command
 from nena_edge_agent.protocol import events
@@ -36,7 +36,7 @@ from nena_edge_agent.statistics import AgentStatistics
 from nena_shared.clock import Clock, iso
 from nena_shared.histogram import Histogram
 from nena_shared.log import get_logger
-from nena_shared.mqtt import BrokerLink, Handler, Inbound, LinkHooks, MqttLink, Outbound
+from nena_shared.mqtt import BrokerLink, Inbound, LinkHooks, MqttLink, Outbound
 from nena_shared.mqtt.link import LinkState
 from nena_shared.program import StartError
 from nena_shared.tasks import Supervisor, report_failure
@@ -428,15 +428,15 @@ class RobotAgent:
                 on_lost=self._on_lost,
             ),
         )
-        for topic, handler in self._inbox.handlers(zones=bool(self._capabilities.zones)).items():
-            observed = partial(self._handle_message, handler)
-            link.subscribe(self._messages.topic(topic), observed, qos=self._settings.qos)
+        for topic in (*COMMANDS, *(OF_ZONES if self._capabilities.zones else ())):
+            handler = partial(self._handle_message, topic)
+            link.subscribe(self._messages.topic(topic), handler, qos=self._settings.qos)
         self._robot.link.use_link(link)
         return link
 
-    def _handle_message(self, handler: Handler, message: Inbound) -> None:
+    def _handle_message(self, topic: Topic, message: Inbound) -> None:
         self._observe_message(message)
-        handler(message)
+        self._inbox.take_message(topic, message)
 
     def _publish_message(self, message: Outbound) -> None:
         self._observe_message(message)

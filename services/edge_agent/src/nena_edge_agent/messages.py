@@ -24,12 +24,12 @@ from nena_edge_agent.protocol.events import (
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
-from nena_shared.mqtt import Handler, Inbound, Outbound
+from nena_shared.mqtt import Inbound, Outbound
 from nena_shared.mqtt.identity import private_client_id
 from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.action import Action, ActionParameter, InstantActions
 from nena_shared.vda5050.base import Header
-from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
+from nena_shared.vda5050.codec import KINDS, MAXIMUM_PAYLOAD, Codec
 from nena_shared.vda5050.command_reader import read_command
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.deviations import Deviations
@@ -184,7 +184,7 @@ class RobotMessages:
 
 
 log = get_logger(__name__)
-M = TypeVar("M", Order, InstantActions, ZoneSetTransfer, Responses)
+M = TypeVar("M", bound=Header)
 
 
 # The standard ends such an error by the next accepted order (6.6.5.4), which does not concern these topics.
@@ -206,6 +206,11 @@ class InboxCounts:
     misdirected: int = 0
     retained: int = 0
 
+
+COMMANDS: Final = (Topic.ORDER, Topic.INSTANT_ACTIONS)
+"""Topics on which every robot receives messages."""
+OF_ZONES: Final = (Topic.ZONE_SET, Topic.RESPONSES)
+"""Those of a robot with zones."""
 
 NO_ACTIONS: Final[Mapping[str, ActionDeclaration]] = MappingProxyType({})
 
@@ -237,42 +242,19 @@ class Inbox:
         """Whether the timestamp of the current message is readable."""
         self.counts = InboxCounts()
 
-    def handlers(self, *, zones: bool) -> dict[Topic, Handler]:
-        """Return the handler of each topic (VDA 5050 3.0 section 4.3); those for zones only if ``zones``."""
-        always: dict[Topic, Handler] = {
-            Topic.ORDER: self.take_order,
-            Topic.INSTANT_ACTIONS: self.take_instant_actions,
-        }
-        of_zones: dict[Topic, Handler] = {
-            Topic.ZONE_SET: self.take_zone_set,
-            Topic.RESPONSES: self.take_responses,
-        }
-        return always | of_zones if zones else always
-
-    def take_order(self, message: Inbound) -> None:
-        """Read a message of the topic order (VDA 5050 3.0 section 7.3)."""
-        order = self._read_message(Order, message, Topic.ORDER)
-        if order is not None:
-            self._log.info("order received", order=order.order_id, update=order.order_update_id)
-            self._put(OrderReceived(order, self._clock.now(), dated=self._dated))
-
-    def take_instant_actions(self, message: Inbound) -> None:
-        """Read a message of the topic instantActions (VDA 5050 3.0 section 7.4)."""
-        actions = self._read_message(InstantActions, message, Topic.INSTANT_ACTIONS)
-        if actions is not None:
-            self._put(InstantActionsReceived(actions, self._clock.now()))
-
-    def take_zone_set(self, message: Inbound) -> None:
-        """Read a message of the topic zoneSet (VDA 5050 3.0 section 7.6)."""
-        transfer = self._read_message(ZoneSetTransfer, message, Topic.ZONE_SET)
-        if transfer is not None:
-            self._put(ZoneSetReceived(transfer))
-
-    def take_responses(self, message: Inbound) -> None:
-        """Read a message of the topic responses (VDA 5050 3.0 section 7.5)."""
-        responses = self._read_message(Responses, message, Topic.RESPONSES)
-        if responses is not None:
-            self._put(ResponsesReceived(responses, self._clock.now()))
+    def take_message(self, topic: Topic, message: Inbound) -> None:
+        """Read a message of this topic (VDA 5050 3.0 section 4.3)."""
+        now = self._clock.now()
+        match self._read_message(KINDS[topic], message, topic):
+            case Order() as order:
+                self._log.info("order received", order=order.order_id, update=order.order_update_id)
+                self._put(OrderReceived(order, now, dated=self._dated))
+            case InstantActions() as actions:
+                self._put(InstantActionsReceived(actions, now))
+            case ZoneSetTransfer() as transfer:
+                self._put(ZoneSetReceived(transfer))
+            case Responses() as responses:
+                self._put(ResponsesReceived(responses, now))
 
     def _read_message(self, kind: type[M], message: Inbound, topic: Topic) -> M | None:
         # An empty retained message deletes the retained one (MQTT 3.1.1, 3.3.1.3).
