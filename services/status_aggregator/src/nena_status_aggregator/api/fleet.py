@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 from fastapi import APIRouter, Response
-from typing_extensions import TypedDict
 
 from nena_shared.clock import iso
-from nena_shared.fleet_api.attention import Matter
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import as_json, require
 from nena_status_aggregator.fleet.view_builder import view_known_actions
 from nena_status_aggregator.fleet.views import (
-    JamView,
+    FleetParts,
     KnownActionView,
-    LinkView,
-    MalformedView,
-    OrderServiceView,
     OrderView,
     PeripheralView,
-    PlantView,
     RobotView,
 )
 
@@ -75,7 +69,7 @@ def make_robots_router(aggregator: Aggregator) -> APIRouter:
     return router
 
 
-class FleetResource(TypedDict):
+class FleetResource(FleetParts):
     """The whole fleet. `time` is the time of the response, `id` the number of the last change it contains.
 
     `share` is the share of the robots that this aggregator monitors, `1/1` for all of them.
@@ -83,16 +77,7 @@ class FleetResource(TypedDict):
 
     time: str
     share: str
-    id: int
     robots: list[RobotResource]
-    orders: list[OrderView]
-    peripherals: list[PeripheralView]
-    plant: PlantView | None
-    link: LinkView
-    orderService: OrderServiceView
-    jams: list[JamView]
-    attention: list[Matter]
-    malformed: MalformedView
 
 
 def make_router(aggregator: Aggregator) -> APIRouter:

@@ -406,11 +406,10 @@ class MalformedView(TypedDict):
     lastTime: str | None
 
 
-class FleetView(TypedDict):
-    """The whole fleet as of change ``id``."""
+class FleetParts(TypedDict):
+    """The whole fleet as of change ``id``, but its robots."""
 
     id: int
-    robots: list[RobotView]
     orders: list[OrderView]
     peripherals: list[PeripheralView]
     plant: PlantView | None
@@ -419,3 +418,9 @@ class FleetView(TypedDict):
     jams: list[JamView]
     attention: list[Matter]
     malformed: MalformedView
+
+
+class FleetView(FleetParts):
+    """The whole fleet as of change ``id``."""
+
+    robots: list[RobotView]
