@@ -9,7 +9,7 @@ import pytest
 
 from nena_edge_agent.actions.messages import FieldError, message_type, service_type
 from nena_edge_agent.actions.plugin import RosError, WorkFailedError
-from nena_edge_agent.actions.ros_operations import ActionValues, Answer, Call, Command, MessageTemplate
+from nena_edge_agent.actions.ros_operations import ActionValues, Answer, Call, Command, MessageTemplate, Steps
 from nena_edge_agent.actions.settings import (
     AnswerSettings,
     CallSettings,
@@ -196,14 +196,15 @@ def test_each_step_sends_its_configured_message() -> None:
     ros = ScriptedRos()
     steered = command(ros, on_pause={"data": 0}, on_resume={"data": "{level}"})
     for step in (steered.begin, steered.pause, steered.resume, steered.cancel):
-        step({"level": 7})
+        steered.publish(step, {"level": 7})
 
     assert [each["data"] for _, each in ros.published] == [7, 0, 7]
 
 
 def test_an_invalid_value_is_found_before_the_start() -> None:
-    with pytest.raises(FieldError, match=r"p\.fields\.data: 300"):
-        command(ScriptedRos()).check_values({"level": 300})
+    problem = Steps(command(ScriptedRos())).problem({"level": 300})
+    assert problem is not None
+    assert "p.fields.data: 300" in problem
 
 
 async def test_a_subscriber_is_required_unless_configured_otherwise() -> None:

@@ -184,6 +184,7 @@ class Answer:
         self._match = MessageTemplate(settings.match, shape, values, f"{path}.match", any_of=True)
         self._failed = template(settings.failed, "failed")
         self._in_progress = template(settings.progress, "progress")
+        self.templates = (self._match, self._failed, self._in_progress)
         self._waiting: dict[int, Callable[[Fields], None]] = {}
         self._last: Fields | None = None
         port.subscribe(settings.topic, settings.type, self._on_message, qos=settings.qos)
@@ -192,17 +193,6 @@ class Answer:
     def words(self) -> str:
         """Return a description of what the action waits for."""
         return f"waits for {self._settings.topic}"
-
-    def check_values(self, values: Mapping[str, JsonValue]) -> None:
-        """Check whether any message could match.
-
-        Raises:
-            FieldError: a value does not fit its field.
-
-        """
-        for template in (self._match, self._failed, self._in_progress):
-            if template:
-                template.fill(values)
 
     def expect_answer(
         self, values: Mapping[str, JsonValue], progress: Progress
@@ -276,19 +266,10 @@ class Call:
         self._client = client
         self._request = MessageTemplate(settings.fields, request, values, f"{path}.fields")
         self._expected = MessageTemplate(expected, response, values, f"{path}.expect", any_of=True)
+        self.templates = (self._request, self._expected)
         self._result_path = (
             settings.result if settings.result is not None else MESSAGE if MESSAGE in has else ""
         )
-
-    def check_values(self, values: Mapping[str, JsonValue]) -> None:
-        """Check whether the request can be built.
-
-        Raises:
-            FieldError: a value does not fit its field.
-
-        """
-        self._request.fill(values)
-        self._expected.fill(values)
 
     async def call_service(self, values: Mapping[str, JsonValue]) -> str | None:
         """Call the service and return the action's result.
@@ -334,21 +315,11 @@ class Command:
         def template(fields: FieldValues | None, name: str) -> MessageTemplate | None:
             return None if fields is None else MessageTemplate(fields, shape, values, f"{path}.{name}")
 
-        self._begin = MessageTemplate(settings.fields, shape, values, f"{path}.fields")
-        self._pause = template(settings.on_pause, "on_pause")
-        self._resume = template(settings.on_resume, "on_resume")
-        self._cancel = template(settings.on_cancel, "on_cancel")
-
-    def check_values(self, values: Mapping[str, JsonValue]) -> None:
-        """Check whether every message can be built.
-
-        Raises:
-            FieldError: a value does not fit its field.
-
-        """
-        for template in (self._begin, self._pause, self._resume, self._cancel):
-            if template:
-                template.fill(values)
+        self.begin = template(settings.fields, "fields")
+        self.pause = template(settings.on_pause, "on_pause")
+        self.resume = template(settings.on_resume, "on_resume")
+        self.cancel = template(settings.on_cancel, "on_cancel")
+        self.templates = (self.begin, self.pause, self.resume, self.cancel)
 
     async def wait_for_subscriber(self) -> None:
         """Wait until a node subscribes.
@@ -365,29 +336,14 @@ class Command:
         if timeout and not self._publisher.listeners:
             raise WorkFailedError(f"no node subscribes to {self._settings.topic}")
 
-    def begin(self, values: Mapping[str, JsonValue]) -> None:
-        """Publish the command.
+    def publish(self, template: MessageTemplate | None, values: Mapping[str, JsonValue]) -> None:
+        """Publish one of its messages, if that is configured.
 
         Raises:
             RosError: there is no ROS session.
             FieldError: a value does not fit its field.
 
         """
-        self._publisher.publish(self._begin.fill(values))
-
-    def pause(self, values: Mapping[str, JsonValue]) -> None:
-        """Publish the pause message, if configured; raises as :meth:`begin`."""
-        self._publish_template(self._pause, values)
-
-    def resume(self, values: Mapping[str, JsonValue]) -> None:
-        """Publish the resume message, if configured; raises as :meth:`begin`."""
-        self._publish_template(self._resume, values)
-
-    def cancel(self, values: Mapping[str, JsonValue]) -> None:
-        """Publish the cancel message, if configured; raises as :meth:`begin`."""
-        self._publish_template(self._cancel, values)
-
-    def _publish_template(self, template: MessageTemplate | None, values: Mapping[str, JsonValue]) -> None:
         if template is not None:
             self._publisher.publish(template.fill(values))
 
@@ -410,8 +366,8 @@ class Steps:
         """Return which value of an action does not fit, None if all of them do."""
         try:
             for step in (self.command, self.call, self.answer):
-                if step:
-                    step.check_values(values)
+                for template in filter(None, step.templates if step else ()):
+                    template.fill(values)
         except FieldError as error:
             return str(error)
         return None
@@ -455,18 +411,18 @@ class _Running(BackgroundAction):
 
     def pause(self) -> None:
         """Send the command's pause message; a command that was not sent yet waits for the resume."""
-        if self._steps.command and not self.ended:
+        if (command := self._steps.command) and not self.ended:
             self._resumed.clear()
             if self._commanded:
-                self._steps.command.pause(self._values)
+                command.publish(command.pause, self._values)
             self._report(ActionReport(self._action_id, ActionStatus.PAUSED))
 
     def resume(self) -> None:
         """Send the command's resume message."""
-        if self._steps.command and not self.ended:
+        if (command := self._steps.command) and not self.ended:
             self._resumed.set()
             if self._commanded:
-                self._steps.command.resume(self._values)
+                command.publish(command.resume, self._values)
             self._report(ActionReport(self._action_id, ActionStatus.RUNNING))
 
     async def _run_operation(self) -> ActionReport:
@@ -486,7 +442,7 @@ class _Running(BackgroundAction):
         try:
             if steps.command:
                 await self._resumed.wait()
-                steps.command.begin(self._values)
+                steps.command.publish(steps.command.begin, self._values)
                 self._commanded = True
             if steps.call:
                 result = await steps.call.call_service(self._values)
@@ -498,7 +454,7 @@ class _Running(BackgroundAction):
         except asyncio.CancelledError:
             if steps.command and self._commanded:
                 try:
-                    steps.command.cancel(self._values)
+                    steps.command.publish(steps.command.cancel, self._values)
                 except (RosError, FieldError) as error:
                     log.warning("an action could not be cancelled", reason=str(error))
             raise
