@@ -897,4 +897,16 @@ async def test_a_door_is_drawn_on_a_path(
         assert all(each == expected for each in await operations())
         await expect(page.locator(SAVED)).to_be_visible()
         await expect(page.locator("li[data-code=LOCATION_WITHOUT_LINK]")).to_have_count(0)
+        # the same door over a second, parallel track
+        await tool(page, "Point")
+        for x in (left, right):
+            await page.mouse.click(*await at(page, x, 3.5))
+        one, two = (await drawn(page))["points"][-2:]
+        await tool(page, "One-way path")
+        await drag(page, (left, 3.5), (right, 3.5))
+        await drag(page, (middle, 3), (left + 2.5, 3.5))
+        ends = {one["name"], two["name"]}
+        assert await operations() == [expected]
+        ends = {row[1]["name"], row[2]["name"]}
+        assert all(each == expected for each in await operations()), "the first track keeps it"
         assert await findings(page) == []
