@@ -13,7 +13,7 @@ from playwright.async_api import Browser, Page, expect
 from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
 from support.order_service_fleet import Fleet, vehicle_idle
-from support.panel import opened
+from support.panel import opened, plan_shown
 from support.programs import OrderServiceProgram, Program
 
 
@@ -57,4 +57,5 @@ async def panel_site(
                 ) as page:
                     shown = page.locator("tr[data-robot]").filter(has_text="Robot-01")
                     await expect(shown).to_contain_text("Idle")
+                    await plan_shown(page)
                     yield PanelSite(page, orders, service, agent)

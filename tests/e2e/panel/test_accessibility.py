@@ -24,7 +24,7 @@ from support.fleet_examples import (
     vehicle_status,
     way,
 )
-from support.panel import Hall, findings, opened, picture, seconds_now
+from support.panel import Hall, findings, fits, opened, picture, seconds_now
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -224,12 +224,12 @@ async def test_no_view_is_wider_than_a_phone(hall: Hall, browser: Browser, langu
                 if view == "lists":
                     assert await page.evaluate(BROKEN_LABELS) == []
                 if view == "robot":
-                    for opener in await page.locator(
-                        "nena-robot-commands [aria-expanded]:not([hidden])"
-                    ).all():
+                    openers = page.locator("nena-robot-commands [aria-expanded]:not([hidden])")
+                    await expect(openers.first).to_be_visible()
+                    for opener in await openers.all():
                         await opener.click()
-                        assert await page.evaluate("document.documentElement.scrollWidth") <= 390
-                assert await page.evaluate("document.documentElement.scrollWidth") <= 390, view
+                        await fits(page, 390)
+                await fits(page, 390)
 
 
 async def test_a_robot_is_commanded_by_keys_alone(hall: Hall, browser: Browser) -> None:
@@ -238,6 +238,7 @@ async def test_a_robot_is_commanded_by_keys_alone(hall: Hall, browser: Browser) 
         async with opened(browser, hall.url, expected=NO_ORDER_SERVICE) as page:
             link = page.get_by_role("link", name="Vehicle-1")
             await expect(link).to_be_visible()
+            await expect(page.get_by_role("tab", name="Devices")).to_be_visible()  # the last one to come
             for _ in range(40):
                 if await link.evaluate("each => each === document.activeElement"):
                     break
@@ -246,6 +247,7 @@ async def test_a_robot_is_commanded_by_keys_alone(hall: Hall, browser: Browser) 
             await page.keyboard.press("Enter")
             await expect(page.locator("nena-robot-page h2")).to_be_focused()
             pause = page.get_by_role("button", name="Pause")
+            await expect(pause).to_be_visible()
             for _ in range(10):
                 await page.keyboard.press("Tab")
                 if await pause.evaluate("each => each === document.activeElement"):

@@ -34,6 +34,7 @@ from support.panel import (
     Hall,
     becomes,
     findings,
+    fits,
     opened,
     picture,
     seconds_now,
@@ -400,7 +401,7 @@ async def test_jam_is_shown_in_the_users_language(
             await expect(row(page, 17)).to_contain_text(urgent)
             await expect(row(page, 1)).to_contain_text(waiting)
             await expect(row(page, 1)).to_contain_text(head)
-            assert await page.evaluate("document.documentElement.scrollWidth") <= 390
+            await fits(page, 390)
 
 
 @pytest.mark.parametrize(

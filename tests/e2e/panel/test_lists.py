@@ -15,7 +15,7 @@ from nena_shared.fleet_api.transport_order import Hold, OrderOutcome, TransportO
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.broker import free_port
 from support.fleet_examples import connection, position, power, state, vehicle_status
-from support.panel import Hall, findings, opened, picture, seconds_now
+from support.panel import Hall, findings, fits, opened, picture, plan_shown, seconds_now
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -61,8 +61,9 @@ def shift(hall: Hall) -> None:
     hall.publish_order(1, TransportOrderState.FINISHED, "WMS-042", processing_vehicle="AMR-01")
 
 
-async def names(page: Page) -> list[str]:
-    return [each.strip() for each in await page.locator("tr[data-robot] a.name").all_inner_texts()]
+async def listed(page: Page, *names: str) -> None:
+    """Wait until the list shows these robots in this order."""
+    await expect(page.locator("tr[data-robot] a.name")).to_have_text(names)
 
 
 @pytest.mark.parametrize(
@@ -82,27 +83,22 @@ async def test_sorting_and_filters_are_stored_in_the_address(
         async with opened(browser, hall.url, width=width, height=height, dark=dark) as page:
             await expect(page.get_by_role("tab", name="Robots")).to_have_text("Robots (4)")
             await expect(page.locator("tr[data-robot='ACME/r004'] .name")).to_have_text("AMR-04")
-            assert await names(page) == ["AMR-03", "AMR-02", "AMR-01", "AMR-04"]
+            await listed(page, "AMR-03", "AMR-02", "AMR-01", "AMR-04")
             battery = page.get_by_role("columnheader", name="Battery")
             await battery.get_by_role("button").click()
             await expect(battery).to_have_attribute("aria-sort", "ascending")
-            assert await names(page) == [
-                "AMR-03",
-                "AMR-01",
-                "AMR-04",
-                "AMR-02",
-            ]  # the urgent one stays on top
+            await listed(page, "AMR-03", "AMR-01", "AMR-04", "AMR-02")  # the urgent one stays on top
             await battery.get_by_role("button").click()
-            assert await names(page) == ["AMR-03", "AMR-02", "AMR-04", "AMR-01"]
+            await listed(page, "AMR-03", "AMR-02", "AMR-04", "AMR-01")
             idle = page.get_by_role("button", name="2 Idle")
             await idle.click()
             await expect(idle).to_have_attribute("aria-pressed", "true")
             await expect(page.get_by_role("tab", name="Robots")).to_have_text("Robots (2)")
-            assert await names(page) == ["AMR-04", "AMR-01"]
+            await listed(page, "AMR-04", "AMR-01")
             assert await findings(page) == []
             await page.reload()
             await expect(page.get_by_role("tab", name="Robots")).to_have_text("Robots (2)")
-            assert await names(page) == ["AMR-04", "AMR-01"]
+            await listed(page, "AMR-04", "AMR-01")
             await page.get_by_role("link", name="AMR-01", exact=True).click()
             await page.get_by_role("link", name="All robots and orders").click()
             await expect(idle).to_have_attribute("aria-pressed", "true")
@@ -118,13 +114,14 @@ async def test_rows_keep_their_order_while_the_pointer_is_over_them(hall: Hall, 
         shift(hall)
         async with opened(browser, hall.url, width=1600, height=1000) as page:
             last = page.locator("tr[data-robot='ACME/r004']")
+            await listed(page, "AMR-03", "AMR-02", "AMR-01", "AMR-04")
             await last.hover()
             robot(hall, 4, 50, header_id=2, **STOP)
             await expect(last).to_contain_text("Emergency stop")
-            assert (await names(page))[-1] == "AMR-04"
+            await expect(page.locator("tr[data-robot]").last).to_contain_text("AMR-04")
             await last.get_by_role("link", name="AMR-04").focus()
             await page.mouse.move(5, 5)
-            assert (await names(page))[-1] == "AMR-04"
+            await expect(page.locator("tr[data-robot]").last).to_contain_text("AMR-04")
             await page.get_by_role("searchbox").focus()
             await expect(page.locator("tr[data-robot]").nth(1)).to_contain_text("AMR-04")
 
@@ -140,7 +137,7 @@ async def test_one_search_finds_robots_orders_and_places(hall: Hall, browser: Br
             await page.keyboard.type("wms-042")
             await expect(page.locator("tr[data-order='WMS-042']")).to_be_visible()  # its tab comes forward
             await expect(page.locator("tr[data-order='WMS-041']")).to_have_count(0)
-            assert page.url.endswith("#/?q=wms-042")
+            await expect(page).to_have_url(re.compile(r"#/\?q=wms-042$"))
             await page.keyboard.press("Enter")
             await expect(page.locator("nena-order-page h2")).to_have_text("WMS-042")
             await search.fill("storage")
@@ -223,28 +220,28 @@ async def test_columns_are_chosen_and_stored(hall: Hall, browser: Browser) -> No
             shown = page.locator("#robots thead th:visible")
             usual = ["Robot", "Condition", "Battery", "Order", "Last state"]
 
-            async def titles() -> list[str]:
-                return [each.split("\n")[0].strip() for each in await shown.all_inner_texts()]
+            async def titled(*titles: str) -> None:
+                await expect(shown).to_have_text([re.compile(rf"^\s*{each}") for each in titles])
 
             await expect(page.locator("tr[data-robot]").first).to_be_visible()
-            assert await titles() == usual
+            await titled(*usual)
             await page.locator("#robots").get_by_label("Columns").click()
             await page.get_by_role("checkbox", name="Battery").uncheck()
             await page.get_by_role("checkbox", name="Place").check()
             chosen = ["Robot", "Condition", "Order", "Last state", "Place"]
-            assert await titles() == chosen
+            await titled(*chosen)
             row = page.locator("tr[data-robot='ACME/r001'] td:visible")
             await expect(row).to_have_count(len(chosen))
             assert await findings(page) == []
             await picture(page, "columns")
             await page.reload()
             await expect(page.locator("tr[data-robot]").first).to_be_visible()
-            assert await titles() == chosen
+            await titled(*chosen)
             await page.locator("#robots").get_by_label("Columns").click()
             await expect(page.get_by_role("checkbox", name="Battery")).not_to_be_checked()
             await page.get_by_role("checkbox", name="Battery").check()
             await page.get_by_role("checkbox", name="Place").uncheck()
-            assert await titles() == usual
+            await titled(*usual)
 
 
 async def test_several_robots_are_paused_at_once(hall: Hall, browser: Browser) -> None:
@@ -323,6 +320,7 @@ async def test_orders_of_several_robots_are_cancelled_and_the_robots_parked(
             reason = {"reason": "withdrawn at the control panel"}
             assert sent == [("transportOrders/WMS-041/withdrawal", reason)]
             sent.clear()
+            await plan_shown(page)
             await page.get_by_role("button", name="Send to park …").click()
             lines = question.get_by_role("listitem")
             await expect(lines).to_have_text(
@@ -376,7 +374,7 @@ async def test_phone_shows_robots_that_need_attention_then_the_search(
             assert below is not None
             assert above["y"] < below["y"]
             assert await findings(page) == []
-            assert await page.evaluate("document.documentElement.scrollWidth") <= 390
+            await fits(page, 390)
             if language == "en-GB":
                 await picture(page, "telephone-list")
             await page.get_by_role("tab", name="Map" if language == "en-GB" else "Karte").click()

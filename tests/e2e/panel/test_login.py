@@ -14,7 +14,7 @@ from nena_shared.vda5050.topics import Topic
 from nena_shared.web.users import User, hash_of, new_token, write_users
 from support.broker import free_port
 from support.fleet_examples import connection, position, state, vehicle_status
-from support.panel import Hall, findings, opened, picture, seconds_now
+from support.panel import Hall, findings, fits, opened, picture, seconds_now
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -132,4 +132,4 @@ async def test_login_page_uses_the_browser_language_on_a_phone(
         opened(browser, site.hall.url, language=language, width=390, expected=UNKNOWN) as page,
     ):
         await expect(page.get_by_role("heading", name=title)).to_be_visible()
-        assert await page.evaluate("document.documentElement.scrollWidth") <= 390
+        await fits(page, 390)

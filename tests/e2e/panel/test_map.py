@@ -27,7 +27,7 @@ from support.frames import (
     seconds_for_a_frame,
     seconds_for_the_yardstick,
 )
-from support.panel import COLOUR_NEAR, LABELS, Hall, becomes, opened, picture, seconds_now
+from support.panel import COLOUR_NEAR, LABELS, Hall, becomes, opened, picture, plan_shown, seconds_now
 from support.pausing import time_passes
 from support.plants import grid_plant
 
@@ -69,12 +69,12 @@ async def test_planned_route_is_drawn_and_layers_are_switched(hall: Hall, browse
         async with opened(browser, hall.url) as page:
             await expect(page.locator("tr[data-robot='ACME/r1']")).to_contain_text("Busy")
             await becomes(page, COLOUR_NEAR, [4, 2, "busy"], lambda found: found > 20)
-            assert await near(page, 15, 2, "busy") > 5  # the goal, South 3
+            await becomes(page, COLOUR_NEAR, [15, 2, "busy"], lambda found: found > 5)  # the goal, South 3
             await page.get_by_label("Layers").click()
             await page.get_by_role("checkbox", name="Goals").uncheck()
             await page.get_by_role("checkbox", name="Robots", exact=True).uncheck()
             await becomes(page, COLOUR_NEAR, [4, 2, "busy"], lambda found: found < 60)
-            assert await near(page, 15, 2, "busy") < 5
+            await becomes(page, COLOUR_NEAR, [15, 2, "busy"], lambda found: found < 5)
             await picture(page, "map-layers")
             await page.reload()
             await page.get_by_label("Layers").click()
@@ -193,6 +193,7 @@ async def test_map_follows_a_robot_until_it_is_moved_by_hand(hall: Hall, browser
         hall.publish_plant()
         hall.send(Topic.STATE, state(at=seconds_now(), mobile_robot_position=position(5, 2)))
         async with opened(browser, hall.url) as page:
+            await plan_shown(page)
             follow = page.get_by_role("button", name="Follow robot")
             await expect(follow).to_be_disabled()
             await page.get_by_role("link", name="r1", exact=True).click()

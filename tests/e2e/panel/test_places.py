@@ -11,7 +11,7 @@ from playwright.async_api import Browser, Page, expect
 
 from support.broker import Broker, free_port
 from support.order_service_fleet import order_in
-from support.panel import COLOUR_NEAR, Hall, becomes, findings, opened, picture
+from support.panel import COLOUR_NEAR, Hall, becomes, findings, opened, picture, plan_shown
 from support.panel_site import site
 from support.waiting import PATIENCE, awaited
 
@@ -22,9 +22,6 @@ MAP = "document.querySelector('nena-fleet-map')"
 
 async def click_on(page: Page, x: float, y: float, button: Literal["left", "right"] = "left") -> None:
     """Click a place of the plane on the map."""
-    await becomes(
-        page, f"{MAP}.canvas?.getAttribute('aria-label')", None, lambda label: "points" in (label or "")
-    )
     px, py = await page.evaluate(f"{MAP}.view.toScreen({x}, {y})")
     await page.locator("nena-fleet-map canvas").click(position={"x": px, "y": py}, button=button)
 
@@ -142,12 +139,7 @@ async def test_a_long_press_opens_the_maps_menu(hall: Hall, browser: Browser) ->
     async with hall.connected("--order_service.url", f"http://127.0.0.1:{free_port()}"):
         hall.publish_plant()
         async with opened(browser, hall.url, touch=True, expected=("502",)) as page:
-            await becomes(
-                page,
-                f"{MAP}.canvas?.getAttribute('aria-label')",
-                None,
-                lambda label: "points" in (label or ""),
-            )
+            await plan_shown(page)
             box = await page.locator("nena-fleet-map canvas").bounding_box()
             assert box is not None
             x, y = await page.evaluate(f"{MAP}.view.toScreen(3, 7)")

@@ -26,15 +26,21 @@ from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
 from support.drawn_maps import warehouse, write_map
 from support.order_service_fleet import Fleet, vehicle_idle
-from support.panel import Hall, becomes, findings, opened, picture
+from support.panel import Hall, becomes, findings, fits, opened, picture
 from support.panel_texts import Texts
 from support.programs import OrderServiceProgram
 from support.robot_maps import robot_map
-from support.waiting import awaited
+from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
 CANVAS = "nena-draft-canvas canvas"
+DRAFT = "document.querySelector('nena-draft-canvas')"
+PLACE = f"""([x, y]) => {{
+  const [px, py] = {DRAFT}.view.toScreen(x, y);
+  const {{ left, top }} = {DRAFT}.canvas.getBoundingClientRect();
+  return [left + px, top + py];
+}}"""
 MODEL = "() => document.querySelector('nena-plant-page').history.present"
 SAVED = "nena-plant-page .head [data-state='saved']"
 DURING_RESTART = ("502", "503", "409")
@@ -108,17 +114,14 @@ async def drawing(
         else:
             await page.locator("nena-plant-page").get_by_role("link", name=name, exact=True).click()
         await expect(page.locator(CANVAS)).to_be_visible()
+        await becomes(page, f"() => {DRAFT}.view.width", None, lambda width: width > 1)  # fitted to its size
         yield page
 
 
 async def at(page: Page, x: float, y: float) -> tuple[float, float]:
     """Return the place of a position (m) on the screen."""
-    px, py = await page.evaluate(
-        "([x, y]) => document.querySelector('nena-draft-canvas').view.toScreen(x, y)", [x, y]
-    )
-    box = await page.locator(CANVAS).bounding_box()
-    assert box
-    return box["x"] + px, box["y"] + py
+    px, py = await page.evaluate(PLACE, [x, y])
+    return px, py
 
 
 async def drag(page: Page, start: tuple[float, float], end: tuple[float, float]) -> None:
@@ -215,7 +218,7 @@ async def test_a_plant_of_four_points_is_drawn_kept_activated_and_driven(  # noq
             await page.get_by_role("button", name="Activate now").click()
             await expect(page.get_by_text("is active, with 4 points")).to_be_visible()
         order = {"destinations": [{"locationName": station["name"], "operation": "Load cargo"}]}
-        async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{made.port}") as orders:
+        async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{made.port}", timeout=PATIENCE) as orders:
 
             async def state() -> str:
                 answer = await orders.get("/v1/transportOrders/first")
@@ -378,7 +381,7 @@ async def test_the_page_speaks_each_language(
         assert await findings(page) == []
         await picture(page, f"plant-{language[:2]}")
         await page.set_viewport_size({"width": 390, "height": 844})
-        assert await page.evaluate("() => document.documentElement.scrollWidth") <= 390
+        await fits(page, 390)
         assert await findings(page) == []
         await picture(page, f"plant-phone-{language[:2]}")
 
@@ -538,7 +541,7 @@ async def test_from_a_map_to_ten_orders_without_a_file_edited_by_hand(
             await page.get_by_role("button", name="Activate now").click()
             await expect(page.get_by_text("is active, with")).to_be_visible()
             await picture(page, "plant-from-a-map")
-        async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{made.port}") as orders:
+        async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{made.port}", timeout=PATIENCE) as orders:
             for number in range(10):
                 ends = ((0, "Load cargo"), (1, "Unload cargo"))
                 stops = [{"locationName": stations[at_]["name"], "operation": what} for at_, what in ends]

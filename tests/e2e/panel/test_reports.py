@@ -13,7 +13,7 @@ from playwright.async_api import Browser, Page, Route, expect
 from nena_shared.vda5050.topics import Topic
 from nena_status_aggregator.fleet.events import Code, Event
 from support.fleet_examples import connection, state
-from support.panel import LABELS, Hall, becomes, findings, opened, picture, seconds_now
+from support.panel import LABELS, Hall, becomes, findings, fits, opened, picture, seconds_now
 from support.panel_history import recorded, recorded_shift, yesterday
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -137,7 +137,7 @@ async def test_report_on_a_phone_in_the_dark(
         opened(browser, link(hall), width=390, height=844, dark=True, language=language) as page,
     ):
         await expect(page.locator(".figures")).to_be_visible()
-        assert await page.evaluate("document.documentElement.scrollWidth") <= 390
+        await fits(page, 390)
         assert await findings(page) == []
         await page.locator("nena-reports-page").scroll_into_view_if_needed()
         await picture(page, f"reports-telephone-{language[:2]}")

@@ -25,14 +25,17 @@ AISLE = [7.5, 8]
 """The middle of the aisle that is blocked, m."""
 
 
+BESIDE = """(row) => {
+  const [box, name] = [".mark", ".name"].map((each) => row.querySelector(each).getBoundingClientRect());
+  return Math.abs(box.top - name.top) < name.height;
+}"""
+
+
 async def shows(page: Page, robot: str, condition: str) -> None:
     """Wait until the list shows a robot in a condition, beside its box."""
     row = page.locator(f'tr[data-robot="NeNa/{robot}"]')
     await expect(row.locator(".chip")).to_have_text(condition)
-    box, name = await row.locator(".mark").bounding_box(), await row.locator(".name").bounding_box()
-    assert box is not None
-    assert name is not None
-    assert abs(box["y"] - name["y"]) < name["height"]
+    assert await row.evaluate(BESIDE)
 
 
 async def test_panel_shows_what_each_key_causes(browser: Browser, tmp_path: Path, domain_id: int) -> None:

@@ -44,7 +44,7 @@ async def test_a_plant_is_proposed_from_an_uploaded_map_checked_aligned_and_simu
         await region.get_by_label("The YAML file").set_input_files([yaml, tmp_path / "shed.pgm"])
         await region.get_by_role("button", name="Use this map").click()
         await expect(region).to_contain_text("The map shed lies under the plan.", timeout=PROGRAM)
-        assert await page.evaluate(GRIDS) == ["shed"]
+        await becomes(page, GRIDS, None, ["shed"].__eq__)
         await region.get_by_label("Distance between points in m").fill("2")
         await region.get_by_role("button", name="Propose a plant").click()
         await expect(region).to_contain_text("The proposal has replaced the drawing", timeout=PROGRAM)
@@ -95,9 +95,9 @@ async def test_a_plant_is_proposed_from_an_uploaded_map_checked_aligned_and_simu
         await page.reload()
         shown = page.get_by_role("region", name="Simulate")
         await expect(shown.get_by_role("row")).to_have_count(3)
-        assert await page.evaluate(GRIDS) == ["shed"]
+        await becomes(page, GRIDS, None, ["shed"].__eq__)
         await shown.get_by_role("button", name="Show where 4 robots wait").click()
-        assert await page.evaluate(WAITING) > 0
+        await becomes(page, WAITING, None, bool)
         await shown.scroll_into_view_if_needed()
         assert await findings(page) == []
         await picture(page, "plant-simulated")

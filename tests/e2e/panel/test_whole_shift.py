@@ -202,5 +202,5 @@ async def the_shift_is_replayed(shift: Shift) -> None:
     await expect(page.get_by_role("button", name=say("history.play"), exact=True)).to_be_enabled()
     await page.evaluate(f"({SLIDE})(Date.parse('{first['time']}') + 200)")
     jams = "document.querySelector('nena-fleet-map').replayed.robots.filter(({ jam }) => jam).length"
-    assert await page.evaluate(jams) == 1
+    await becomes(page, jams, None, lambda found: found == 1)
     await picture(page, "whole-shift-replay")
