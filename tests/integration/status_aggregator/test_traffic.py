@@ -61,7 +61,9 @@ async def test_malformed_state_is_counted_and_shown(broker: Broker, served: Serv
     with MqttPeer(broker) as peer:
         served.send(peer, Topic.STATE, state(last_node_id="A"))
         peer.publish(served.robots.of(ROBOT, Topic.STATE), payload)
-        fleet = await served.until("/api/v1/fleet", lambda shown: shown["malformed"]["counts"])
+        fleet = await served.until(
+            "/api/v1/fleet", lambda shown: shown["robots"] and shown["robots"][0]["condition"] == "ERROR"
+        )
         assert fleet["malformed"]["counts"] == {"state": 1}
         assert fleet["malformed"]["lastTopic"].endswith("ACME/r1/state")
         (robot,) = fleet["robots"]

@@ -11,6 +11,7 @@ from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import NOW, assigned_order, request
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
+from support.waiting import PATIENCE
 
 PLANT = PlantModel(
     name="line",
@@ -39,7 +40,7 @@ async def test_concurrent_identical_requests_create_one_order() -> None:
     engine = await make_engine(PLANT, AskedStore(askers=2), ScriptedFleet({}))
     requests = OrderOperations(engine)
     wanted = request("B", name="T", idempotencyKey="key", dependencies=["D"])
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(PATIENCE):
         (one, new), (other, also_new) = await asyncio.gather(
             requests.create_order(wanted), requests.create_order(wanted)
         )

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from nena_shared.database_connections import close_connections, register_connection
+from support.waiting import PATIENCE
 
 
 class ClosedError(Exception):
@@ -25,7 +26,7 @@ def test_closing_connections_ends_waiting_threads() -> None:
     register_connection(engine, closed)
     register_connection(engine, ours)
     with ours, servers:
-        ours.settimeout(5)
+        ours.settimeout(PATIENCE)
         close_connections(engine)
 
         assert ours.recv(1) == b""

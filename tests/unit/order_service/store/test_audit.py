@@ -27,6 +27,7 @@ from nena_shared.fleet_api.audit import (
     ChainCheck,
 )
 from support.order_service import dispatchable_order
+from support.waiting import PATIENCE
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
 OLDEST_FIRST = AuditQuery(oldest_first=True, limit=1000)
@@ -325,14 +326,14 @@ async def test_slow_query_of_the_trail_holds_up_no_other_query(
     read = audit.read_page
 
     def slow(*arguments: Any) -> AuditPage:
-        assert go_on.wait(20)
+        assert go_on.wait(2 * PATIENCE)
         return read(*arguments)
 
     monkeypatch.setattr(audit, "read_page", slow)
     store = Store(engine)
     page = asyncio.create_task(store.read_audit_page(AuditQuery()))
     try:
-        assert await asyncio.wait_for(store.read_order(name="T-1"), 10) is None
+        assert await asyncio.wait_for(store.read_order(name="T-1"), PATIENCE) is None
         assert not page.done()
     finally:
         go_on.set()

@@ -130,7 +130,7 @@ async def test_other_messages_do_not_wait_for_the_acknowledgement_of_a_suspect(
         await until(lambda: not link.state.connected)
 
         broker.answer = lambda topic: Answer.NONE if topic == "slow" else Answer.ACKNOWLEDGE
-        await until(lambda: {"a", "b"} <= set(broker.accepted), timeout=10)
+        await until(lambda: {"a", "b"} <= set(broker.accepted))
         assert link.state.set_aside == {}
 
 

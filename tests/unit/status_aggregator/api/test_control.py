@@ -21,6 +21,7 @@ from nena_status_aggregator.settings import AggregatorSettings, HistorySettings,
 from support.broker import free_port
 from support.clocks import ManualClock
 from support.fleet_examples import START
+from support.waiting import PATIENCE
 
 ORDER = {"destinations": [{"locationName": "A"}]}
 
@@ -74,7 +75,7 @@ def far() -> Iterator[Far]:
         thread.start()
         yield far
         server.shutdown()
-        thread.join(5)
+        thread.join(PATIENCE)
 
 
 def client_of(port: int | None, base: str = "http://127.0.0.1:8080") -> httpx.AsyncClient:
