@@ -51,7 +51,7 @@ class OrderFailure:
 NO_ORDER_REFUSALS: Final = frozenset({ErrorType.NO_ORDER_TO_CANCEL, ErrorType.INVALID_INSTANT_ACTION})
 
 ORDER_REFUSALS: Final[frozenset[str]] = frozenset(
-    name for kind in REJECTIONS - NO_ORDER_REFUSALS for name in (kind, WRITTEN[kind])
+    name for kind in REJECTIONS.keys() - NO_ORDER_REFUSALS for name in (kind, WRITTEN[kind])
 )
 """Error types with which robots refuse orders, in the spelling of all versions (section 6.1.4)."""
 

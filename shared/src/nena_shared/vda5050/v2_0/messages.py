@@ -59,7 +59,7 @@ class StateV20(StateV21):
     @classmethod
     def from_neutral(cls, neutral: WireObject) -> Self:
         """Convert a state to its 2.0 form; drop node positions without theta, which 2.0 requires."""
-        state = State.model_validate(neutral, by_name=True, by_alias=False)
+        state = State.from_neutral(neutral)
         nodes = tuple(
             node
             if node.node_position is None or node.node_position.theta is not None

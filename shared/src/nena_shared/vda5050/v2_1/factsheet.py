@@ -268,11 +268,11 @@ class FactsheetV21(Factsheet):
     @classmethod
     def from_neutral(cls, neutral: WireObject) -> Self:
         """Convert a factsheet to its 2.1 form."""
-        factsheet = Factsheet.model_validate(neutral, by_name=True, by_alias=False)
+        factsheet = Factsheet.from_neutral(neutral)
         features = factsheet.protocol_features
         actions = tuple(
             action.model_copy(update={"blocking_types": None}) for action in features.mobile_robot_actions
         )
         features = features.model_copy(update={"mobile_robot_actions": actions})
         factsheet = factsheet.model_copy(update={"protocol_features": features})
-        return cls.model_validate(factsheet, by_name=True, by_alias=False)
+        return super().from_neutral(factsheet)

@@ -222,7 +222,7 @@ class OrderV21(Order):
     @classmethod
     def from_neutral(cls, neutral: WireObject) -> Self:
         """Convert an order to its 2.1 form (2.1 section 6.6.6); add the node IDs to its edges."""
-        order = Order.model_validate(neutral, by_name=True, by_alias=False)
+        order = Order.from_neutral(neutral)
         edges = tuple(
             EdgeV21.model_validate(
                 {**vars(edge), "start_node_id": start.node_id, "end_node_id": end.node_id},
@@ -231,7 +231,7 @@ class OrderV21(Order):
             )
             for edge, (start, end) in zip(order.edges, pairwise(order.nodes), strict=True)
         )
-        return cls.model_validate(order.model_copy(update={"edges": edges}), by_name=True, by_alias=False)
+        return super().from_neutral(order.model_copy(update={"edges": edges}))
 
     @model_validator(mode="after")
     def _edges_join_their_nodes(self) -> Self:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Final, Self
 
 from pydantic import Field, ValidationInfo, field_serializer, model_validator
+from pydantic.alias_generators import to_camel
 
 from nena_shared.vda5050.base import Identifier, NotNegative, Percent, UInt32, Version, WireObject
 from nena_shared.vda5050.connection import Connection, ConnectionState
@@ -29,7 +30,7 @@ from nena_shared.vda5050.v2_1.parameter import neutral_path, written_path
 from nena_shared.vda5050.visualization import Visualization
 from nena_shared.vda5050.wire_names import Absent, always, reads, writes
 
-WRITTEN: dict[str, str] = {
+REJECTIONS: Final[Mapping[str, str]] = {
     ErrorType.VALIDATION_FAILURE: "validationError",
     ErrorType.MOBILE_ROBOT_NOT_AVAILABLE: "orderError",
     ErrorType.INSUFFICIENT_MEMORY: "orderError",
@@ -44,41 +45,11 @@ WRITTEN: dict[str, str] = {
     ErrorType.NO_ROUTE_TO_TARGET: "noRouteError",
     ErrorType.NO_ORDER_TO_CANCEL: "noOrderToCancel",
     ErrorType.INVALID_INSTANT_ACTION: "instantActionError",
-    ErrorType.NODE_UNREACHABLE: "nodeUnreachable",
-    ErrorType.LOCALIZATION_ERROR: "localizationError",
-    ErrorType.OUTSIDE_OF_CORRIDOR: "outsideOfCorridor",
-    ErrorType.DUPLICATE_MAP: "duplicateMap",
-    ErrorType.DUPLICATE_ZONE_SET: "duplicateZoneSet",
-    ErrorType.BLOCKED_ZONE_VIOLATION: "blockedZoneViolation",
-    ErrorType.RELEASE_LOST: "releaseLost",
-    ErrorType.RELEASE_LOSS_HANDLING: "releaseLossHandling",
-    ErrorType.ZONE_ACTION_CONFLICT: "zoneActionConflict",
-    ErrorType.INSTANT_ACTION_STATES_FULL: "instantActionStatesFull",
-    ErrorType.ZONE_ACTION_STATES_FULL: "zoneActionStatesFull",
-    ErrorType.ACTION_FAILED: "actionFailed",
-    ErrorType.NAVIGATION_NOT_AVAILABLE: "navigationNotAvailable",
 }
-"""Error types of 2.x by neutral error type."""
+"""Errors that reject a message without affecting the robot, always WARNING in 2.x, by their names there."""
 
-REJECTIONS: frozenset[str] = frozenset(
-    {
-        ErrorType.VALIDATION_FAILURE,
-        ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
-        ErrorType.INSUFFICIENT_MEMORY,
-        ErrorType.UNSUPPORTED_PARAMETER,
-        ErrorType.INVALID_ORDER_ACTION,
-        ErrorType.UNKNOWN_MAP_ID,
-        ErrorType.OTHER_ORDER_ACTIVE,
-        ErrorType.OUTDATED_ORDER_UPDATE,
-        ErrorType.ORDER_UPDATE_FOLLOWING_CANCEL,
-        ErrorType.SAME_ORDER_UPDATE_ID,
-        ErrorType.START_NODE_OUT_OF_RANGE,
-        ErrorType.NO_ROUTE_TO_TARGET,
-        ErrorType.NO_ORDER_TO_CANCEL,
-        ErrorType.INVALID_INSTANT_ACTION,
-    }
-)
-"""Errors that reject a message without affecting the robot; always WARNING in 2.x."""
+WRITTEN: Final[Mapping[str, str]] = {**{each: to_camel(each.lower()) for each in ErrorType}, **REJECTIONS}
+"""Error types of 2.x by neutral error type."""
 
 
 PARAMETER: Final = "parameter"
@@ -118,19 +89,14 @@ class ErrorEntryV21(ErrorEntry):
     @classmethod
     def from_neutral(cls, neutral: WireObject) -> Self:
         """Convert to the 2.1 form: rejections are WARNING, errors that stop the robot are FATAL."""
-        error = ErrorEntry.model_validate(neutral, by_name=True, by_alias=False)
+        error = ErrorEntry.from_neutral(neutral)
         # 2.1, 6.10.5: with FATAL the robot needs a person, which no rejected message is a reason for
         mild = error.error_level in (ErrorLevel.WARNING, ErrorLevel.URGENT) or error.error_type in REJECTIONS
-        return cls.model_validate(
-            error.model_copy(
-                update={
-                    "error_type": WRITTEN.get(error.error_type, error.error_type),
-                    "error_level": ErrorLevel.WARNING if mild else ErrorLevel.FATAL,
-                }
-            ),
-            by_name=True,
-            by_alias=False,
-        )
+        changes = {
+            "error_type": WRITTEN.get(error.error_type, error.error_type),
+            "error_level": ErrorLevel.WARNING if mild else ErrorLevel.FATAL,
+        }
+        return super().from_neutral(error.model_copy(update=changes))
 
 
 # 2.1, 6.10.6 has five modes. SERVICE takes no orders, as STARTUP. AUTOMATIC keeps the order, as INTERVENED
@@ -229,18 +195,13 @@ class StateV21(State):
     @classmethod
     def from_neutral(cls, neutral: WireObject) -> Self:
         """Convert a state to its 2.1 form; INTERVENED is reported as paused."""
-        state = State.model_validate(neutral, by_name=True, by_alias=False)
-        return cls.model_validate(
-            state.model_copy(
-                update={
-                    "action_states": (*state.action_states, *state.instant_action_states),
-                    "errors": tuple(ErrorEntryV21.from_neutral(error) for error in state.errors),
-                    "paused": True if state.operating_mode is OperatingMode.INTERVENED else state.paused,
-                }
-            ),
-            by_name=True,
-            by_alias=False,
-        )
+        state = State.from_neutral(neutral)
+        changes = {
+            "action_states": (*state.action_states, *state.instant_action_states),
+            "errors": tuple(map(ErrorEntryV21.from_neutral, state.errors)),
+            "paused": True if state.operating_mode is OperatingMode.INTERVENED else state.paused,
+        }
+        return super().from_neutral(state.model_copy(update=changes))
 
 
 class VisualizationV21(Visualization):
