@@ -304,9 +304,9 @@ def new(
     for remark in made.remarks:
         echo(f"note: {remark}")
     echo(
-        f"{output} written: {made.area:.0f} m² for the middle of a robot, {len(made.model.points)} points, "
-        f"{len(made.model.paths)} paths, {made.one_way_pairs} tracks as pairs of one-way lanes, "
-        f"{made.passing_places} passing places, {len(made.parking)} parking positions"
+        f"{output} written: {made.area:.0f} m² for the middle of a robot; points: {len(made.model.points)}, "
+        f"paths: {len(made.model.paths)}, pairs of one-way lanes: {made.one_way_pairs}, "
+        f"passing places: {made.passing_places}, parking positions: {len(made.parking)}"
     )
     for point in made.parking[:PARKING_SHOWN]:
         echo(f"{point.name}: x {point.x_m:.2f} m, y {point.y_m:.2f} m")
