@@ -83,7 +83,8 @@ class Simulation:
     def run(self) -> None:
         """Run until every order is finished; raises CollisionError or StandstillError."""
         total = len(self.orders)
-        while self.now <= self.finished_at + PATIENCE and self.step():
+        # Robots that stand report states, too, after which traffic decides again.
+        while self.now <= self.finished_at + PATIENCE and (self.step() or self.step()):
             pass
         if self.finished < total:
             raise StandstillError(self._report())

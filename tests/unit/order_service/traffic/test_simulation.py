@@ -45,3 +45,14 @@ def test_every_order_is_finished_on_two_way_road_maps(seed: int) -> None:
     simulation.run()
 
     assert simulation.finished == 2 * ORDERS
+
+
+def test_traffic_decides_again_after_the_last_event() -> None:
+    """The last event closes a ring of waiting vehicles: only the next decision sends one of them away."""
+    random = Random(129)
+    plant, stations = random_roads(random, 5)
+    simulation = Simulation(plant, stations, random, orders=ORDERS, length_mm=0)
+
+    simulation.run()
+
+    assert simulation.finished == ORDERS
