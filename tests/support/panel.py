@@ -64,6 +64,12 @@ PLAN_SHOWN = """() => {
 """Whether the map has a plan and a size."""
 
 
+SIZES = {"wide": (1600, 1000), "laptop": (1280, 800), "phone": (390, 844)}
+"""Sizes of windows, px."""
+
+NARROW = 900
+"""Up to this width the map is a tab, px."""
+
 WITHIN = PATIENCE
 """Timeout for conditions in the page, seconds."""
 

@@ -27,7 +27,9 @@ from support.order_service_fleet import Fleet, listening
 from support.panel import (
     COLOUR_NEAR,
     LABELS,
+    NARROW,
     SILENCE_LIMIT,
+    SIZES,
     becomes,
     findings,
     fits,
@@ -79,9 +81,6 @@ def publish_robots(peer: MqttPeer, robots: TopicScheme, fleet: FleetTopics, epoc
         peer.publish(fleet.vehicle_status(key.serial_number), body, retain=True)
 
 
-SIZES = {"wide": (1600, 1000), "laptop": (1280, 800), "phone": (390, 844)}
-NARROW = 900
-"""Up to this width the map is a tab, px."""
 IN_CI = {("wide", "light", "en-GB"), ("laptop", "dark", "de-DE"), ("phone", "light", "nl-NL")}
 """Each size, theme and language once; the other combinations are long tests."""
 SHIFTS = [

@@ -6,7 +6,7 @@ import { details } from "./event_texts.js";
 import { causesOfOrder } from "./explanations.js";
 import { shownState, stopState } from "./fleet.js";
 import { commandForm, nameInput, StopFields, vehicles } from "./forms.js";
-import { dateAndTime, fieldTime, has, number, t } from "./i18n.js";
+import { dateAndTime, duration, fieldTime, has, number, t } from "./i18n.js";
 import { OrderCommands } from "./order_commands.js";
 import { nameOfHolder, worded } from "./reasons.js";
 import { address, backLink } from "./router.js";
@@ -151,13 +151,12 @@ function moreFacts(order, status, store) {
   const before = order.dependencies;
   const after = [...store.orders.values()].filter(({ dependencies }) => dependencies.includes(order.name)).map(({ name }) => name);
   const policy = (status?.onFailure ?? []).map(({ do: measure, times, after: delay }) => t(`policy.${measure}`) + (times > 1 ? ` × ${number(times)}` : "") + (delay ? ` (${t("order.seconds", { seconds: number(delay) })})` : ""));
-  const minutes = (seconds) => () => element("dd", {}, t("order.minutes", { minutes: number(seconds / 60, 1) }));
   return [
     ["order.waitsFor", before.length && links(before)],
     ["order.onDependencyFailure", before.length && status && (() => element("dd", {}, t(`dependency.${status.onDependencyFailure}`)))],
     ["order.waitedForBy", after.length && links(after)],
     ["order.sequence", status?.wrappingSequence && (() => verbatim("dd", status.wrappingSequence))],
-    ["order.timeout", status?.timeout && minutes(status.timeout)],
+    ["order.timeout", status?.timeout && (() => element("dd", {}, duration(status.timeout)))],
     ["order.onFailure", policy.length && (() => element("dd", {}, policy.join(" → ")))],
     ["order.properties", status?.properties.length && (() => verbatim("dd", status.properties.map(({ key, value }) => `${key}: ${value}`).join(", ")))],
   ].filter(([, content]) => content);

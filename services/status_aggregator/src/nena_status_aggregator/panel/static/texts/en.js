@@ -571,7 +571,6 @@ export const TEXTS = {
   "order.onDependencyFailure": "If one of them fails",
   "order.sequence": "Sequence",
   "order.timeout": "Time limit",
-  "order.minutes": "{minutes} min",
   "order.seconds": "after {seconds} s",
   "order.onFailure": "If it fails",
   "order.properties": "Properties",

@@ -571,7 +571,6 @@ export const TEXTS = {
   "order.onDependencyFailure": "Als een ervan mislukt",
   "order.sequence": "Reeks",
   "order.timeout": "Tijdslimiet",
-  "order.minutes": "{minutes} min",
   "order.seconds": "na {seconds} s",
   "order.onFailure": "Als hij mislukt",
   "order.properties": "Eigenschappen",
