@@ -197,6 +197,14 @@ async def plan_shown(page: Page) -> None:
     await becomes(page, PLAN_SHOWN, None, bool)
 
 
+async def visit(page: Page, url: str) -> None:
+    """Open a view of the panel; in Firefox, ``goto`` waits in vain where only the fragment changes."""
+    if "#" in url and url.partition("#")[0] == page.url.partition("#")[0]:
+        await page.evaluate("(url) => { location.href = url; }", url)
+    else:
+        await page.goto(url)
+
+
 async def fits(page: Page, width: int) -> None:
     """Wait until the page is no wider than ``width`` px."""
     await becomes(page, "document.documentElement.scrollWidth", None, lambda wide: wide <= width)

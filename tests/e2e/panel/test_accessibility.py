@@ -24,7 +24,7 @@ from support.fleet_examples import (
     vehicle_status,
     way,
 )
-from support.panel import Hall, findings, fits, opened, picture, seconds_now
+from support.panel import Hall, findings, fits, opened, picture, seconds_now, visit
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -127,7 +127,7 @@ def commanded() -> tuple[str, str]:
 
 async def show(page: Page, hall: Hall, view: str) -> None:
     """Open a view, and wait until it is filled."""
-    await page.goto(hall.url + VIEWS[view])
+    await visit(page, hall.url + VIEWS[view])
     await expect(page.locator("tr[data-robot='ACME/r2']")).to_have_count(1)
     heads = {
         "robot": "nena-robot-page .causes",

@@ -19,7 +19,7 @@ from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
 from support.fleet_examples import position, state, vehicle_status
 from support.order_service_fleet import Fleet, order_in, vehicle_idle
-from support.panel import Hall, findings, opened, picture, plan_shown, seconds_now
+from support.panel import Hall, findings, opened, picture, plan_shown, seconds_now, visit
 from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -512,7 +512,7 @@ async def test_reasons_of_the_order_service_are_in_the_language_of_the_panel(
         shown = page.locator("nena-order-page")
 
         async def is_in_german(name: str, *words: str) -> None:
-            await page.goto(f"{fleet.url}#/orders/{name}")
+            await visit(page, f"{fleet.url}#/orders/{name}")
             for each in words:
                 await expect(shown).to_contain_text(each)
             await expect(shown.locator("[lang=en]", has_text=re.compile(r"\S"))).to_have_count(0)
@@ -540,7 +540,7 @@ async def test_reasons_of_the_order_service_are_in_the_language_of_the_panel(
                 return (await panel.get("/api/v1/history?order=second")).text
 
         await awaited(recorded, lambda text: '"FAILED"' in text, what="the withdrawal is in the history")
-        await page.goto(f"{fleet.url}#/history")
+        await visit(page, f"{fleet.url}#/history")
         log = page.locator("nena-history-page")
         await expect(log).to_contain_text("Zurückgezogen: am Leitstand zurückgezogen")
         await expect(log).not_to_contain_text("works on another order")

@@ -16,7 +16,7 @@ from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_status_aggregator.fleet.events import Code, Event, Values
 from support.fleet_examples import ROBOT, connection, position, state
-from support.panel import LABELS, Hall, becomes, findings, opened, picture, seconds_now
+from support.panel import LABELS, Hall, becomes, findings, opened, picture, seconds_now, visit
 from support.panel_history import SLIDE, recorded
 from support.waiting import PATIENCE, awaited
 
@@ -87,7 +87,7 @@ async def test_the_slider_shows_where_a_robot_was(hall: Hall, browser: Browser, 
             assert await page.evaluate(SHOWN) is None
             await another_range_and_leaving_abort_the_load(page)
             for broken in ("from=x", "from=2026-01-01T00:00:00Z", "from=x&to=y"):
-                await page.goto(f"{hall.url}#/history?{broken}")
+                await visit(page, f"{hall.url}#/history?{broken}")
                 await expect(page.get_by_label("Time range")).to_have_value("minutes10")
             await expect(page.get_by_role("button", name="Play")).to_be_enabled()
             await page.evaluate(LEAVE_WHILE_NARROWING)

@@ -38,6 +38,7 @@ from support.panel import (
     opened,
     picture,
     seconds_now,
+    visit,
 )
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -231,7 +232,7 @@ async def end_the_jam(page: Page, orders: httpx.AsyncClient) -> None:
     assert paths
     assert all("South 3" in (path["destinationPoint"], path["sourcePoint"]) for path in paths)
     await orders.put("/v1/paths/South 2 --- South 3/lock", json={"locked": False})  # the only way there now
-    await page.goto(f"{page.url.partition('#')[0]}#/places/South%202%20---%20South%203")
+    await visit(page, f"{page.url.partition('#')[0]}#/places/South%202%20---%20South%203")
     place = page.locator("nena-place-page")
     await expect(place.locator(".chip")).to_have_text("Path")
     await place.get_by_role("button", name="Lock", exact=True).click()
@@ -264,7 +265,7 @@ async def test_an_idle_robot_shows_no_old_goals_and_no_internal_orders(hall: Hal
             await expect(shown).to_contain_text("Localised")
             for text in ("evasion-", "100 %", "aborted", "Navigation goals"):
                 await expect(shown.locator(f"section:visible:has-text('{text}')")).to_have_count(0)
-            await page.goto(hall.url + "#/robots/ACME%2Fr02")
+            await visit(page, hall.url + "#/robots/ACME%2Fr02")
             await expect(shown.get_by_role("heading", name="Navigation goals")).to_be_visible()
 
 
@@ -374,7 +375,7 @@ async def test_reasons_of_a_stopped_order_service_are_marked_as_outdated(
             )
             assert await findings(page) == []
             await picture(page, "order-service-down")
-            await page.goto(hall.url + "#/robots/ACME%2Fr01")
+            await visit(page, hall.url + "#/robots/ACME%2Fr01")
             causes = page.locator("nena-robot-page .causes")
             await expect(causes).to_contain_text(
                 "The order service is down; its orders and reasons are out of date."

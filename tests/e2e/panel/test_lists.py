@@ -15,7 +15,7 @@ from nena_shared.fleet_api.transport_order import Hold, OrderOutcome, TransportO
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.broker import free_port
 from support.fleet_examples import connection, position, power, state, vehicle_status
-from support.panel import Hall, findings, fits, opened, picture, plan_shown, seconds_now
+from support.panel import Hall, findings, fits, opened, picture, plan_shown, seconds_now, visit
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -105,7 +105,7 @@ async def test_sorting_and_filters_are_stored_in_the_address(
             await idle.click()
             await expect(page.get_by_role("tab", name="Robots")).to_have_text("Robots (4)")
             for unknown in ("tab=constructor", "state=hasOwnProperty", "robotSort=hasOwnProperty"):
-                await page.goto(f"{hall.url}#/?{unknown}")
+                await visit(page, f"{hall.url}#/?{unknown}")
                 await expect(page.get_by_role("tab", name="Robots")).to_have_text("Robots (4)")
 
 

@@ -25,7 +25,7 @@ from support.fleet_examples import (
     state,
     vehicle_status,
 )
-from support.panel import Hall, findings, opened, picture, seconds_now
+from support.panel import Hall, findings, opened, picture, seconds_now, visit
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -171,7 +171,7 @@ async def test_devices_of_a_stopped_order_service_are_greyed_and_hidden_once_cle
             topic = hall.fleet.peripheral(name, PeripheralTopic.STATUS)
             hall.peer.publish(topic, b"", retain=True)
         await expect(tab).to_be_hidden()
-        await page.goto(f"{hall.url}#/?tab=peripherals")
+        await visit(page, f"{hall.url}#/?tab=peripherals")
         await expect(page.locator("nena-peripheral-table")).to_contain_text(
             "switch them on in the order service"
         )

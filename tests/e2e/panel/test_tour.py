@@ -10,7 +10,7 @@ import pytest
 from playwright.async_api import Browser, Page, expect
 
 from support.demo import started
-from support.panel import COLOUR_NEAR, becomes, opened, picture
+from support.panel import COLOUR_NEAR, becomes, opened, picture, visit
 
 pytestmark = [
     pytest.mark.e2e,
@@ -77,7 +77,7 @@ async def test_panel_shows_what_each_key_causes(browser: Browser, tmp_path: Path
             await picture(page, "tour-load-peak")
 
             await press("r", "#/history")
-            await page.goto(f"{viewer.panel}#/history")
+            await visit(page, f"{viewer.panel}#/history")
             await expect(page.locator("nena-history-page .history li").first).to_be_visible()
             await page.get_by_role("button", name="Play").click()
             await expect(page.get_by_role("button", name="Pause")).to_be_visible()

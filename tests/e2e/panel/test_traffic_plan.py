@@ -15,7 +15,7 @@ from playwright.async_api import Browser, Page, expect
 from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
 from support.order_service_fleet import Fleet, order_in, vehicle_idle
-from support.panel import COLOUR_NEAR, OVERLAPPING, becomes, opened, picture
+from support.panel import COLOUR_NEAR, OVERLAPPING, becomes, opened, picture, visit
 from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -91,7 +91,7 @@ async def test_traffic_plan_is_drawn_and_described(
         assert await page.evaluate(OVERLAPPING) == []
         await picture(page, "traffic-plan")
 
-        await page.goto(f"{hall.url}#/robots/NeNa%2Frobot-01")
+        await visit(page, f"{hall.url}#/robots/NeNa%2Frobot-01")
         await expect(page.locator("nena-robot-page")).to_contain_text(plan["wait"]["reason"])
         await page.get_by_label("Layers").click()
         await show(page, "Traffic plan", shown=False)
