@@ -173,7 +173,7 @@ async def test_a_locked_path_is_the_head_of_those_that_wait_for_it(hall: Hall, b
             hall.peer.publish(hall.fleet.vehicle_status(key.serial_number), body, retain=True)
         robot(hall, 5, 15, 7, 4)
         async with opened(browser, hall.url, width=1600, height=1000) as page:
-            await page.locator("nena-attention-button").click()
+            await page.locator("nena-attention-button button").click()
             jammed = page.locator("nena-attention li").filter(has_text="Jam")
             await expect(jammed).to_contain_text("holds up 5 robots")
             await expect(jammed.get_by_role("link", name=path)).to_be_visible()

@@ -57,11 +57,6 @@ def busy_robot(hall: Hall) -> None:
     hall.send(Topic.STATE, busy)
 
 
-async def near(page: Page, x: float, y: float, colour: str) -> int:
-    found: int = await page.evaluate(COLOUR_NEAR, [x, y, colour])
-    return found
-
-
 async def test_planned_route_is_drawn_and_layers_are_switched(hall: Hall, browser: Browser) -> None:
     async with hall.connected():
         hall.publish_plant()
@@ -90,7 +85,7 @@ async def test_robot_map_is_drawn_below_the_plan_and_can_be_hidden(hall: Hall, b
         async with opened(browser, hall.url) as page:
             await expect(page.locator("tr[data-robot='ACME/r1']")).to_contain_text("Busy")
             await becomes(page, COLOUR_NEAR, [10, 13.15, "muted"], lambda found: found > 8)
-            assert await near(page, 10, 10, "muted") < 5
+            await becomes(page, COLOUR_NEAR, [10, 10, "muted"], lambda found: found < 5)
             await picture(page, "robot-map")
             await page.get_by_label("Layers").click()
             await page.get_by_role("checkbox", name="Robot maps").uncheck()
@@ -125,8 +120,8 @@ async def test_zones_are_drawn_named_and_hidden(hall: Hall, browser: Browser) ->
             names = {"Z1: no entry", "Z2: speed limit (not in use)"}
             await becomes(page, LABELS, None, lambda labels: names <= set(labels))
             assert not any("Z3" in each for each in await page.evaluate(LABELS))
-            assert await near(page, 4, 5.2, "bad") > 5
-            assert await near(page, 10, 5.2, "accent") < 3
+            await becomes(page, COLOUR_NEAR, [4, 5.2, "bad"], lambda found: found > 5)
+            await becomes(page, COLOUR_NEAR, [10, 5.2, "accent"], lambda found: found < 3)
             await picture(page, "zones")
             await page.get_by_label("Layers").click()
             await page.get_by_role("checkbox", name="Zones").uncheck()
@@ -167,7 +162,7 @@ async def test_factsheet_footprint_is_drawn(hall: Hall, browser: Browser) -> Non
         async with opened(browser, hall.url) as page:
             await expect(page.locator("tr[data-robot='ACME/r1']")).to_be_visible()
             await becomes(page, COLOUR_NEAR, [12, 6, "idle"], lambda found: found > 20)
-            assert await near(page, 12, 4, "idle") == 0
+            await becomes(page, COLOUR_NEAR, [12, 4, "idle"], lambda found: found == 0)
 
 
 async def test_load_and_low_battery_are_shown_at_the_robot(hall: Hall, browser: Browser) -> None:
@@ -178,7 +173,7 @@ async def test_load_and_low_battery_are_shown_at_the_robot(hall: Hall, browser: 
         hall.send(Topic.STATE, state(at=seconds_now(), mobile_robot_position=position(6, 4.5)))
         async with opened(browser, hall.url) as page:
             await becomes(page, LABELS, None, lambda labels: "r1" in labels)
-            assert await near(page, 6 + corner, 4.5 - corner, "location") < 5
+            await becomes(page, COLOUR_NEAR, [6 + corner, 4.5 - corner, "location"], lambda found: found < 5)
             here: dict[str, Any] = {"mobile_robot_position": position(6, 4.5), "loads": ({"load_id": "L1"},)}
             hall.send(Topic.STATE, state(2, at=seconds_now(), power_supply=power, **here))
             await becomes(page, COLOUR_NEAR, [6 + corner, 4.5 - corner, "location"], lambda found: found > 20)
