@@ -227,7 +227,7 @@ def change(
     }
     if priority is not None:
         body["priority"] = priority
-    _send_change(service, CHANGE_ORDER, name, body, version)
+    _change_order(service, CHANGE_ORDER, name, body, version)
 
 
 def _local_moment(text: str | None) -> str | None:
@@ -246,7 +246,7 @@ def withdraw(
     service: Service,
     names: Names,
     *,
-    reason: Annotated[str | None, typer.Option(help="Reason, kept in the order's history.")] = None,
+    reason: Annotated[str, typer.Option(help="Reason, kept in the order's history.")] = "withdrawn by a host",
     version: Version = None,
 ) -> None:
     """Withdraw transport orders: each fails immediately, or when its vehicle has released it."""
@@ -261,8 +261,8 @@ def hold(
     name: Name,
     *,
     reason: Annotated[
-        str | None, typer.Option(help="Reason, shown with the order and kept in its history.")
-    ] = None,
+        str, typer.Option(help="Reason, shown with the order and kept in its history.")
+    ] = "no reason given",
     by: By = None,
     immediate: Annotated[
         bool, typer.Option(help="Stop the robot now; otherwise it drives to the end of its base.")
@@ -280,7 +280,7 @@ def resume(
     service: Service,
     name: Name,
     *,
-    reason: Annotated[str | None, typer.Option(help="Reason, kept in the order's history.")] = None,
+    reason: Annotated[str, typer.Option(help="Reason, kept in the order's history.")] = "no reason given",
     by: By = None,
     version: Version = None,
 ) -> None:
@@ -295,18 +295,7 @@ def _change_order(
     body: dict[str, JsonValue],
     version: int | None,
 ) -> None:
-    """Change an order, if it still has that version, and print it; None values are omitted."""
-    given: dict[str, JsonValue] = {key: value for key, value in body.items() if value is not None}
-    _send_change(service, operation, name, given, version)
-
-
-def _send_change(
-    service: Service,
-    operation: Operation[TransportOrderStatus],
-    name: str,
-    body: dict[str, JsonValue],
-    version: int | None,
-) -> None:
+    """Change an order, if it still has that version, and print it."""
     headers = {} if version is None else {"If-Match": f'"{version}"'}
     service.print_all(tables.orders_table, service.call(operation, name, body=body, headers=headers))
 
