@@ -37,7 +37,9 @@ async def test_changes_are_listed_and_filtered(
         await page.get_by_role("button", name="Show older").click()
         await expect(rows).to_have_count(62)
         await expect(page.get_by_role("button", name="Show older")).to_be_hidden()
-        await expect(rows.last).to_contain_text('{"locked": false} → {"locked": true}')
+        await expect(rows.last).to_contain_text("Locked: no → yes")
+        await expect(rows.first).to_contain_text("Destinations: Storage: Only drive there")
+        await expect(rows.filter(has_text="{")).to_have_count(0)  # no JSON
         assert await findings(page) == []
         await page.locator("nena-audit-page h2").scroll_into_view_if_needed()
         await picture(page, "audit-trail")

@@ -18,6 +18,7 @@ from nena_status_aggregator.fleet.events import Code, Event, Values
 from support.fleet_examples import ROBOT, connection, position, state
 from support.panel import LABELS, Hall, becomes, findings, opened, picture, seconds_now, visit
 from support.panel_history import SLIDE, recorded
+from support.panel_texts import Texts
 from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -160,6 +161,46 @@ async def test_what_waits_or_needs_a_person_looks_as_it_did_live(
             listed = page.locator("nena-history-page .history")
             await expect(listed).to_contain_text("Anna (oil): Stop ended")
             await expect(listed).to_contain_text("7 robots wait behind it")
+
+
+@pytest.mark.parametrize("language", ["en-GB", "de-DE", "nl-NL"])
+async def test_a_stop_of_many_robots_is_one_row_that_opens(
+    hall: Hall, browser: Browser, tmp_path: Path, language: str
+) -> None:
+    begin, say = datetime.now(UTC) - timedelta(minutes=5), Texts(language)
+    end = begin + timedelta(minutes=1)
+    stop: Values = {"stop": "S-1", "by": "Anna", "reason": "oil"}
+    robots = [f"ACME/r{number}" for number in range(12)]
+    soon = timedelta(seconds=1)
+    why = {"by": "Anna", "why": "oil"}
+    events = [
+        changed(begin - soon, "ACME/other", "BUSY", before="IDLE", reason="driving_free"),
+        Event(begin, Code.STOP, "", values={"active": True, **stop}),
+        *(changed(begin + soon, each, "BLOCKED", before="BUSY", reason="paused") for each in robots),
+        *(
+            changed(begin + 2 * soon, each, "BLOCKED", before="BLOCKED", reason="stopped", **why)
+            for each in robots
+        ),
+        Event(end, Code.STOP, "", values={"active": False, **stop}),
+        *(changed(end + soon, each, "BUSY", before="BLOCKED", reason="driving_free") for each in robots),
+    ]
+    async with (
+        hall.connected(*recorded(tmp_path, events)),
+        opened(browser, hall.url, width=1600, height=1000, language=language) as page,
+    ):
+        await visit(page, hall.url + "#/history")
+        rows = page.locator("nena-history-page section > .history > li")
+        await expect(rows.filter(has_text=say("eventLog.condition"))).to_have_count(3)  # two in stops
+        stopped = rows.filter(has_text=say("done.stop"))
+        followers = stopped.locator("details li")
+        await expect(followers).to_have_count(24)
+        await expect(followers.first).to_be_hidden()
+        await stopped.locator("summary", has_text=say("attention.robots.other", count=12)).click()
+        await expect(followers.first).to_be_visible()
+        assert await findings(page) == []
+        for width in (1600, 1280, 390):
+            await page.set_viewport_size({"width": width, "height": 900})
+            await picture(page, f"history-stop-{width}-{language[:2]}")
 
 
 async def test_an_hour_of_many_robots_is_replayed_from_its_begin(

@@ -226,20 +226,42 @@ async def end_the_jam(page: Page, orders: httpx.AsyncClient) -> None:
     await expect(asked).to_contain_text("Robot-01, T-1")
     assert await findings(page) == []
     await picture(page, "end-jam")
+    only = "South 2 --- South 3"
+    await orders.put(f"/v1/paths/{only}/lock", json={"locked": True})
+    await expect(asked).not_to_contain_text(only)  # it shows what is there now
+    await orders.put(f"/v1/paths/{only}/lock", json={"locked": False})
+    await expect(asked).to_contain_text(only)
+    await page.evaluate("localStorage.setItem('nena-person', 'Anna')")
     await asked.get_by_role("button", name="Lock these paths").click()
     await expect(asked).to_contain_text("Robots are led around Robot-02.")
     paths = (await orders.get("/v1/paths", params={"locked": "true"})).json()["paths"]
     assert paths
     assert all("South 3" in (path["destinationPoint"], path["sourcePoint"]) for path in paths)
-    await orders.put("/v1/paths/South 2 --- South 3/lock", json={"locked": False})  # the only way there now
+    assert {path["lockedBy"]["by"] for path in paths} == {"Anna"}
+    await page.locator("nena-attention-button button").click()
+    entry = page.locator("nena-attention li").filter(has_text=f"{len(paths)} paths locked")
+    await expect(entry).to_contain_text("by Anna since")
+    for width in (1600, 1280, 390):
+        await page.set_viewport_size({"width": width, "height": 1000})
+        await picture(page, f"locked-together-{width}")
+    await page.set_viewport_size({"width": 1600, "height": 1000})
+    await entry.get_by_role("button", name="Unlock all").click()
+    await expect(entry).to_have_count(0)
+    assert (await orders.get("/v1/paths", params={"locked": "true"})).json()["paths"] == []
+    await page.locator("nena-attention-button button").click()
+    for path in paths:  # the one that is looked at is the only way there then
+        await orders.put(f"/v1/paths/{path['name']}/lock", json={"locked": path["name"] != only})
     await visit(page, f"{page.url.partition('#')[0]}#/places/South%202%20---%20South%203")
     place = page.locator("nena-place-page")
     await expect(place.locator(".chip")).to_have_text("Path")
     await place.get_by_role("button", name="Lock", exact=True).click()
     await expect(place).to_contain_text("1 robot and 1 order have no other route")
     assert not (await orders.get("/v1/paths/South 2 --- South 3")).json()["locked"]
+    await orders.post("/v1/transportOrders/T-1/withdrawal")
+    await expect(place).to_contain_text("All orders have another route.")
     await place.get_by_role("button", name="Lock anyway").click()
     await expect(place.locator(".chip")).to_have_text("Path, locked")
+    await expect(place.locator(".head")).to_contain_text("by Anna since")
 
 
 async def test_an_idle_robot_shows_no_old_goals_and_no_internal_orders(hall: Hall, browser: Browser) -> None:

@@ -11,14 +11,28 @@ from urllib.parse import urlsplit
 import pytest
 from playwright.async_api import Browser, Page, Route, expect
 
+from nena_shared.fleet_api.stops import SetBy
 from nena_shared.fleet_api.transport_order import Hold, OrderOutcome, TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.broker import free_port
 from support.fleet_examples import connection, position, power, state, vehicle_status
-from support.panel import Hall, findings, fits, opened, picture, plan_shown, seconds_now, visit
+from support.panel import (
+    LABELS,
+    Hall,
+    becomes,
+    findings,
+    fits,
+    opened,
+    picture,
+    plan_shown,
+    seconds_now,
+    visit,
+)
+from support.panel_texts import Texts
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
+LANGUAGES = ("en-GB", "de-DE", "nl-NL")
 STOP: dict[str, Any] = {"safety_state": {"active_emergency_stop": "MANUAL", "field_violation": False}}
 MANY = 1000
 USABLE_WITHIN = 1.0
@@ -412,3 +426,35 @@ async def test_status_of_an_order_is_in_the_language_of_the_panel(
             if language != "en-GB":
                 await expect(page.locator("tr[data-order='TO-1'] [lang=en]")).to_have_text("")
                 await expect(page.locator("tr[data-order='TO-2'] [lang=en]")).to_have_text(waits["reason"])
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+async def test_a_robot_out_of_use_is_marked_in_list_and_map_with_who_did_it(
+    hall: Hall, browser: Browser, language: str
+) -> None:
+    say = Texts(language)
+    use = say("integration.TO_BE_RESPECTED").partition(":")[0]
+    since = datetime.now(UTC)
+    async with hall.connected():
+        hall.publish_plant()
+        robot(hall, 1)
+        robot(hall, 2)
+        status = vehicle_status(
+            "AMR-02",
+            robot=RobotKey("ACME", "r002"),
+            integration_level="TO_BE_RESPECTED",
+            level_set=SetBy(by="Anna", since=since),
+        )
+        topic = hall.fleet.vehicle_status("r002")
+        hall.peer.publish(topic, status.model_dump_json(by_alias=True), retain=True)
+        async with opened(browser, hall.url, language=language) as page:
+            marks = page.locator("tr[data-robot] .use")
+            await expect(marks.filter(has_text=use)).to_have_count(1)
+            await becomes(page, LABELS, None, lambda labels: f"AMR-02 ({use})" in labels)
+            assert await findings(page) == []
+            for width in (1600, 1280, 390):
+                await page.set_viewport_size({"width": width, "height": 900})
+                await picture(page, f"out-of-use-{width}-{language[:2]}")
+            await visit(page, hall.url + "#/robots/ACME%2Fr002")
+            head = page.locator("nena-robot-page .head")
+            await expect(head).to_contain_text(f"{use} {say('order.heldBy', by='Anna', time='')}".strip())

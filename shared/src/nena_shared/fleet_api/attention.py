@@ -111,6 +111,8 @@ class Matter(Resource):
     since: Moment
     reason: str
     """What it is, as text."""
+    paths: tuple[str, ...] = ()
+    """Paths that somebody has locked together, the first one first."""
     robots: tuple[str, ...] = ()
     """Names of the first vehicles that it holds up."""
     robot_count: int = 0

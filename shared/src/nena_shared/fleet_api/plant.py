@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Base64Bytes, BeforeValidator, Field
 from pydantic_core import to_json
 
 from nena_shared.fleet_api.base import ObjectName, PageSize, Request, Resource
+from nena_shared.fleet_api.stops import Person, SetBy
 from nena_shared.vda5050.zone_set import ZoneSet, ZoneType
 
 
@@ -39,6 +40,8 @@ class PathStatus(Resource):
     """Value in the plant model, used unless a host sets another one."""
     stop: str | None = None
     """The stop whose area locks it; None: no stop."""
+    locked_by: SetBy | None = None
+    """Who has locked it; None: nobody, or before it was recorded."""
 
 
 class PathsQuery(Resource):
@@ -79,6 +82,8 @@ class PathLockRequest(Request):
     """Request to lock or unlock a path."""
 
     locked: bool
+    by: Person | None = None
+    """Name of the person; None: the user of the request's token."""
 
 
 LONGEST_ID = 200

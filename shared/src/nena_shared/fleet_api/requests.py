@@ -17,6 +17,7 @@ from nena_shared.fleet_api.base import (
     Traceparent,
 )
 from nena_shared.fleet_api.reasons import OptionalReason
+from nena_shared.fleet_api.stops import Person
 from nena_shared.fleet_api.transport_order import (
     Coordinate,
     Destination,
@@ -173,6 +174,8 @@ class IntegrationLevelRequest(Request):
     """The new integration level of a vehicle."""
 
     integration_level: IntegrationLevel
+    by: Person | None = None
+    """Name of the person; None: the user of the request's token."""
 
 
 class OrderTypesRequest(Request):

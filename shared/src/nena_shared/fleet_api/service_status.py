@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Final
 
+from pydantic import Field
+
 from nena_shared.fleet_api.base import Moment, Resource
-from nena_shared.fleet_api.stops import StopStatus
+from nena_shared.fleet_api.stops import SetBy, StopStatus
 from nena_shared.mqtt.broker_check import BrokerLack
 
 HEARTBEAT: Final = 1.0
@@ -30,3 +32,5 @@ class ServiceStatus(Resource):
     """The active stops, the oldest first; unknown (empty) unless ``online``."""
     locked_paths: tuple[str, ...] = ()
     """The paths that hosts have locked, by name, at most 100; unknown (empty) unless ``online``."""
+    locked_by: dict[str, SetBy] = Field(default_factory=dict)
+    """Who has locked them, by path."""

@@ -14,6 +14,13 @@ Person = Annotated[str, Field(min_length=1, max_length=100)]
 Words = Annotated[str, Field(min_length=1, max_length=500)]
 
 
+class SetBy(Resource):
+    """Who has locked a path or set the integration level of a vehicle, and when."""
+
+    by: str
+    since: Moment
+
+
 class Area(Request):
     """A rectangle, m in the plant frame."""
 

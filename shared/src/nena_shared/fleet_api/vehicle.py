@@ -9,7 +9,7 @@ from pydantic import Field
 
 from nena_shared.fleet_api.base import Moment, Request, Resource
 from nena_shared.fleet_api.reasons import OptionalReason
-from nena_shared.fleet_api.stops import VehicleStop
+from nena_shared.fleet_api.stops import SetBy, VehicleStop
 from nena_shared.fleet_api.traffic import TrafficWait
 
 ANY_TYPE: Final = "*"
@@ -97,6 +97,8 @@ class VehicleStatus(Resource):
     state: VehicleState
     processing_state: ProcessingState
     integration_level: IntegrationLevel = IntegrationLevel.TO_BE_UTILIZED
+    level_set: SetBy | None = None
+    """Who has set a level other than TO_BE_UTILIZED; None: nobody, or before it was recorded."""
     acceptable_order_types: tuple[AcceptableOrderType, ...] = ANY_ORDER_TYPE
     """Accepted order types; other orders are not assigned to it."""
     taken_out: bool = False

@@ -33,6 +33,20 @@ async def test_paths_are_listed_and_locked(client: httpx.AsyncClient, service: O
     assert (await lock(client, name, locked=False)).json()["locked"] is False
 
 
+async def test_the_lock_of_a_path_has_the_name_of_the_person_also_after_a_restart(
+    client: httpx.AsyncClient, service: OrderService
+) -> None:
+    name = service.engine.plant.paths[0].name
+    for person in ("Anna", "Ben"):  # the first one has closed it
+        answer = await client.put(f"/v1/paths/{name}/lock", json={"locked": True, "by": person})
+        assert answer.json()["lockedBy"]["by"] == "Anna"
+    service.engine.context.locked_paths.locked_by = {}
+    await service.hosts.locks.load()
+    assert service.hosts.locks.get(name).model_dump(mode="json", by_alias=True) == answer.json()
+    assert (await lock(client, name, locked=False)).json()["lockedBy"] is None
+    assert (await lock(client, name, locked=True)).json()["lockedBy"]["by"] == "somebody"
+
+
 async def test_paths_come_in_pages_and_by_lock(client: httpx.AsyncClient, service: OrderService) -> None:
     names = [path.name for path in service.engine.plant.paths]
     first = (await client.get("/v1/paths", params={"limit": 2})).json()

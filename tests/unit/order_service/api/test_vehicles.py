@@ -31,6 +31,11 @@ async def test_integration_level_is_set_and_published(client: httpx.AsyncClient)
     answer = await client.put(place, json={"integrationLevel": "TO_BE_RESPECTED"})
     assert (answer.status_code, answer.json()["integrationLevel"]) == (200, "TO_BE_RESPECTED")
     assert answer.json()["reason"] == "is set to “Out of use”"
+    assert answer.json()["levelSet"]["by"] == "somebody"
+    named = await client.put(place, json={"integrationLevel": "TO_BE_NOTICED", "by": "Anna"})
+    assert named.json()["levelSet"]["by"] == "Anna"
+    used = await client.put(place, json={"integrationLevel": "TO_BE_UTILIZED", "by": "Anna"})
+    assert used.json()["levelSet"] is None
     assert (await client.put(place, json={"integrationLevel": "LATER"})).status_code == 422
     missing = await client.put("/v1/vehicles/R2/integrationLevel", json={"integrationLevel": "TO_BE_IGNORED"})
     assert missing.status_code == 404

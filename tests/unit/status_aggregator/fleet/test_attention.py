@@ -132,6 +132,21 @@ def test_silent_order_service_is_in_the_list_within_five_seconds_of_its_last_hea
     assert LOST_AFTER < 5
 
 
+def test_paths_that_a_person_locks_in_one_go_are_one_matter() -> None:
+    site = make_site()
+    began = site.now - timedelta(hours=1)
+    late = began + timedelta(minutes=5)
+    locks = {"C": ("Anna", began), "B": ("Anna", began + timedelta(seconds=8))}
+    locks |= {"A": ("Anna", began + timedelta(seconds=16)), "D": ("Ben", began), "E": ("Anna", late)}
+    known = {path: {"by": by, "since": since} for path, (by, since) in locks.items()}
+    site.service(locked_paths=(*sorted(locks), "F", "G"), locked_by=known)
+    found = {each.paths: each for each in site.list()}
+    assert set(found) == {("C", "B", "A"), ("D",), ("E",), ("F",), ("G",)}
+    matter = found["C", "B", "A"]
+    assert (matter.id, matter.since) == ("path_locked:C", began)
+    assert matter.reason == "These paths are locked by Anna: C, B, A"
+
+
 def test_without_the_broker_only_that_is_new() -> None:
     site = make_site()
     site.robot("Hit", **emergency("MANUAL"))

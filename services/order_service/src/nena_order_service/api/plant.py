@@ -97,7 +97,9 @@ class PlantOperations:
         yield Handler(table.PREVIEW_PATH_LOCK, lambda name, request: locks.preview((name, *request.also)))
         yield Handler(table.SHOW_PATH, locks.get)
         yield Handler(
-            table.LOCK_PATH, lambda name, request: locks.set(name, locked=request.locked), {"locked": True}
+            table.LOCK_PATH,
+            lambda name, request, caller: locks.set(name, locked=request.locked, by=request.by or caller),
+            {"locked": True, "by": "Anna"},
         )
 
     def list_points(self, request: PointsQuery) -> PointPage:

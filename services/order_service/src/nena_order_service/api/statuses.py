@@ -16,7 +16,7 @@ from nena_shared.clock import Clock
 from nena_shared.fleet_api.epoch import epoch_of, with_epoch
 from nena_shared.fleet_api.peripherals import PeripheralJobStatus
 from nena_shared.fleet_api.service_status import HEARTBEAT, ServiceStatus
-from nena_shared.fleet_api.stops import StopStatus
+from nena_shared.fleet_api.stops import SetBy, StopStatus
 from nena_shared.fleet_api.topics import FleetTopics, PeripheralTopic
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
@@ -185,6 +185,7 @@ class Heartbeat:
         stops: Callable[[], tuple[StopStatus, ...]] = tuple,
         broker_lacks: Callable[[], tuple[BrokerLack, ...]] = tuple,
         locked_paths: Callable[[], tuple[str, ...]] = tuple,
+        locked_by: Callable[[], dict[str, SetBy]] = dict,
     ) -> None:
         self._topic = topics.service_status
         self._clock = clock
@@ -193,6 +194,7 @@ class Heartbeat:
         self._stops = stops
         self._broker_lacks = broker_lacks
         self._locked_paths = locked_paths
+        self._locked_by = locked_by
         self._due = asyncio.Event()
         self._ended = False
 
@@ -219,13 +221,16 @@ class Heartbeat:
 
     def _status_message(self, *, online: bool) -> Outbound:
         # 0054: with the stops, which need no topic and outlast a restart of the aggregator that way.
+        locked = self._locked_paths()[:LOCKED_PATHS_SHOWN] if online else ()
+        known = self._locked_by()
         status = ServiceStatus(
             online=online,
             timestamp=self._clock.now(),
             store_ready=online and self._store_ready(),
             broker_lacks=self._broker_lacks() if online else (),
             stops=self._stops() if online else (),
-            locked_paths=self._locked_paths()[:LOCKED_PATHS_SHOWN] if online else (),
+            locked_paths=locked,
+            locked_by={name: known[name] for name in locked if name in known},
         )
         return Outbound(
             self._topic, with_epoch(status.model_dump_json(by_alias=True).encode(), self._epoch), retain=True

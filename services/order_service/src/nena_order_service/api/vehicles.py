@@ -23,6 +23,7 @@ from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.operations import vehicles as table
 from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained
 from nena_shared.fleet_api.requests import (
+    SOMEBODY,
     DispatchRequest,
     InitialPose,
     InstantActionAnswer,
@@ -58,8 +59,10 @@ class VehicleOperations:
         yield Handler(table.SHOW_VEHICLE, self.find_status)
         yield Handler(
             table.INTEGRATION_LEVEL,
-            lambda name, request: self.set_integration_level(name, request.integration_level),
-            {"integrationLevel": "TO_BE_RESPECTED"},
+            lambda name, request, caller: self.set_integration_level(
+                name, request.integration_level, request.by or caller
+            ),
+            {"integrationLevel": "TO_BE_RESPECTED", "by": "Anna"},
         )
         yield Handler(
             table.ORDER_TYPES,
@@ -93,11 +96,13 @@ class VehicleOperations:
         """Return a vehicle."""
         return self._engine.reporter.vehicle_status(self._find_vehicle(name))
 
-    async def set_integration_level(self, name: str, level: IntegrationLevel) -> VehicleStatus:
+    async def set_integration_level(
+        self, name: str, level: IntegrationLevel, by: str = SOMEBODY
+    ) -> VehicleStatus:
         """Set the integration level of a vehicle; it survives restarts."""
         vehicle = self._find_vehicle(name)
         async with self._engine.unit_of_work.saved():
-            self._engine.set_integration_level(vehicle, level)
+            self._engine.set_integration_level(vehicle, level, by)
         return self._engine.reporter.vehicle_status(vehicle)
 
     async def accept_order_types(self, name: str, types: tuple[AcceptableOrderType, ...]) -> VehicleStatus:

@@ -18,6 +18,7 @@ from nena_order_service.traffic.manager import TrafficManager
 from nena_order_service.traffic.resources import Resources
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock
+from nena_shared.fleet_api.stops import SetBy
 from nena_shared.fleet_api.transport_order import FailurePolicy
 from nena_shared.plant import PlantModel
 from nena_shared.settings import SettingsGroup
@@ -155,6 +156,8 @@ class LockedPaths:
         self.by_hosts: Mapping[str, bool] = {}
         self.by_stops: Mapping[str, str] = {}
         """The names of the stops, by path."""
+        self.locked_by: dict[str, SetBy] = {}
+        """The hosts that have locked paths, by path."""
         self._finder = finder
         self._resources = resources
         self._plant = plant

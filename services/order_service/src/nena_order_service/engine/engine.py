@@ -40,6 +40,7 @@ from nena_shared.fleet_api.peripherals import (
     PeripheralState,
 )
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
+from nena_shared.fleet_api.requests import SOMEBODY
 from nena_shared.fleet_api.stops import DirectStop, StopRequest
 from nena_shared.fleet_api.transport_order import (
     OrderOutcome,
@@ -289,8 +290,10 @@ class Engine:
         with self.change():
             return self._rerouting.reroute_on_request(vehicle, kind)
 
-    def set_integration_level(self, vehicle: FleetVehicle, level: IntegrationLevel) -> None:
-        """Set the integration level of a vehicle.
+    def set_integration_level(
+        self, vehicle: FleetVehicle, level: IntegrationLevel, by: str = SOMEBODY
+    ) -> None:
+        """Set the integration level of a vehicle for ``by``.
 
         At a level without resources (openTCS: TO_BE_IGNORED, TO_BE_NOTICED), the vehicle loses its order and
         all resources that it holds: the host has made sure that it blocks no other vehicle.
@@ -303,7 +306,7 @@ class Engine:
                 self._driving.drop_drive(vehicle)
                 if sent:
                     self.state.after_commit(lambda: self.context.fleet.cancel_vda_order(vehicle.key))
-            self._positions.set_level(vehicle, level)
+            self._positions.set_level(vehicle, level, by)
             self.state.dispatch_due = self.state.drive_due = True
             self.state.vehicle_changed(vehicle.name)
 

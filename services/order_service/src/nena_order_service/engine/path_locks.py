@@ -13,10 +13,15 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing.graph import NoRouteError
 from nena_order_service.store.database import Changes
 from nena_shared.fleet_api.plant import PathLockPreview, PathStatus
+from nena_shared.fleet_api.requests import SOMEBODY
+from nena_shared.fleet_api.stops import SetBy
 from nena_shared.log import get_logger
 from nena_shared.plant import Path, UnknownObjectError, Vehicle
 
 log = get_logger(__name__)
+
+LOCKED_BY: Final = "lockedBy"
+"""Kind of the documents with who has locked a path."""
 
 PREVIEWED: Final = 300
 """Orders in the queue that a preview checks: each may need route searches of milliseconds."""
@@ -36,6 +41,10 @@ class PathLocks:
         stored = await self._engine.store.read_path_locks()
         locks = {name: locked for name, locked in stored.items() if name in self._plant.paths_by_name}
         if locks:
+            stored_by = await self._engine.store.documents(LOCKED_BY)
+            self._locked_paths.locked_by = {
+                name: SetBy.model_validate_json(stored_by[name]) for name in locks if name in stored_by
+            }
             self._locked_paths.lock(by_hosts=locks)
 
     def all(self) -> tuple[PathStatus, ...]:
@@ -46,8 +55,8 @@ class PathLocks:
         """Return a path; raises UnknownPathError."""
         return self._status_of(self._existing_path(name))
 
-    async def set(self, name: str, *, locked: bool) -> PathStatus:
-        """Lock or unlock a path; the change is committed on return.
+    async def set(self, name: str, *, locked: bool, by: str = SOMEBODY) -> PathStatus:
+        """Lock or unlock a path for ``by``; the change is committed on return.
 
         Raises:
             UnknownPathError: no such path.
@@ -57,8 +66,16 @@ class PathLocks:
         path = self._existing_path(name)
         changes = Changes()
         changes.path_locks[name] = locked
+        known = self._locked_paths.locked_by
+        # The first one stays: whoever locks it again has not closed it.
+        setter = known.get(name, SetBy(by=by, since=self._engine.clock.now())) if locked else None
+        changes.documents[LOCKED_BY, name] = setter.model_dump_json() if setter else None
 
         def apply_committed() -> None:
+            if setter:
+                known[name] = setter
+            else:
+                known.pop(name, None)
             log.info("path locked" if locked else "path unlocked", path=name)
             self._locked_paths.lock(by_hosts={**self._locked_paths.by_hosts, name: locked})
             if not self._engine.unit_of_work.closed:  # otherwise the new engine loads it from the store
@@ -119,4 +136,5 @@ class PathLocks:
             locked=stop is not None or self._locked_paths.by_hosts.get(path.name, path.locked),
             locked_in_plant_model=path.locked,
             stop=stop,
+            locked_by=self._locked_paths.locked_by.get(path.name),
         )

@@ -10,6 +10,7 @@ from nena_order_service.fleet.robot import LinkStatus, RobotView
 from nena_order_service.traffic.resources import Found
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
+from nena_shared.fleet_api.stops import SetBy
 from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.log import get_logger
 from nena_shared.plant import MapPlace
@@ -140,11 +141,12 @@ class Positions:
             return Reason(R.UNKNOWN_ORDER, order=view.state.order_id)
         return Reason(R.OFF_ROUTE)
 
-    def set_level(self, vehicle: FleetVehicle, level: IntegrationLevel) -> None:
+    def set_level(self, vehicle: FleetVehicle, level: IntegrationLevel, by: str) -> None:
         """Set the integration level of a vehicle for a host; orders that have failed no longer count."""
-        self._records.change(
-            vehicle.key, integration_level=level, failed_at=(), taken_out="", coded_taken_out=None
-        )
+        used = level is IntegrationLevel.TO_BE_UTILIZED
+        setter = None if used else SetBy(by=by, since=self._clock.now())
+        changes = {"integration_level": level, "level_set": setter}
+        self._records.change(vehicle.key, **changes, failed_at=(), taken_out="", coded_taken_out=None)
         self.forget_sighting(vehicle)
         self.update_held(vehicle)
 

@@ -26,6 +26,7 @@ from nena_order_service.store.database import Changes, DriveRow
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.fleet_api.reasons import OptionalReason
+from nena_shared.fleet_api.stops import SetBy
 from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel
 from nena_shared.frozen_model import FrozenModel
 from nena_shared.log import get_logger
@@ -300,6 +301,8 @@ class VehicleRecord(FrozenModel):
     name: str = ""
     """The vehicle's last name; empty: not stored."""
     integration_level: IntegrationLevel = IntegrationLevel.TO_BE_UTILIZED
+    level_set: SetBy | None = None
+    """Who has set another level than TO_BE_UTILIZED."""
     failed_at: tuple[str, ...] = ()
     """The destinations of the orders that have failed at it since its last finished drive, oldest first."""
     taken_out: str = ""

@@ -17,7 +17,7 @@ from nena_order_service.fleet.position import NotLocatedError, locate
 from nena_order_service.fleet.robot import RobotView
 from nena_order_service.vehicles.registry import FleetVehicle, robot_maps
 from nena_shared.fleet_api.reasons import CodedReason, Reason, ReasonCode, explained
-from nena_shared.fleet_api.stops import VehicleStop
+from nena_shared.fleet_api.stops import SetBy, VehicleStop
 from nena_shared.fleet_api.traffic import TrafficWait
 from nena_shared.fleet_api.vehicle import (
     AcceptableOrderType,
@@ -41,6 +41,7 @@ class Essentials(NamedTuple):
     state: VehicleState
     processing_state: ProcessingState
     integration_level: IntegrationLevel
+    level_set: SetBy | None
     acceptable_order_types: tuple[AcceptableOrderType, ...]
     taken_out: bool
     reason: str
@@ -88,6 +89,7 @@ def essentials(
         state=view.vehicle_state,
         processing_state=_processing_state(transport_order, order_sequence),
         integration_level=record.integration_level,
+        level_set=record.level_set,
         acceptable_order_types=order_types,
         taken_out=bool(record.taken_out),
         **explained(reason),

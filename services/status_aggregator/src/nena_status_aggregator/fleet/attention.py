@@ -11,7 +11,7 @@ from typing import Final
 
 from nena_shared.fleet_api.attention import Acknowledgement, Matter, MatterChange, MatterKind, advice_on
 from nena_shared.fleet_api.reasons import CodedReason, ReasonCode
-from nena_shared.fleet_api.stops import StopStatus
+from nena_shared.fleet_api.stops import SetBy, StopStatus
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.fleet_api.wait_chains import WaitChain
@@ -58,6 +58,9 @@ LOW_BATTERY: Final = 20.0
 FAILED_FOR: Final = timedelta(hours=8)
 """Time for which a failed order stays in the list: a shift."""
 
+IN_ONE_GO: Final = timedelta(seconds=10)
+"""Time between two locks of paths that a person sets together."""
+
 SHOWN: Final = 20
 """Maximum number of names of robots and orders that a matter holds up."""
 
@@ -103,6 +106,7 @@ class Fleet:
         since: datetime | None = None,
         robots: Iterable[str] = (),
         orders: Iterable[str] = (),
+        paths: tuple[str, ...] = (),
     ) -> Matter:
         """Make a matter that holds up these robots, these orders and those of the robots."""
         held = sorted(set(robots))
@@ -115,6 +119,7 @@ class Fleet:
             robot=robot,
             since=since or self.at.utc,
             reason=reason,
+            paths=paths,
             robots=tuple(held[:SHOWN]),
             robot_count=len(held),
             orders=tuple(affected[:SHOWN]),
@@ -158,8 +163,33 @@ def _of_services(fleet: Fleet) -> Iterator[Matter]:
     if services.locked_paths:
         # The order service knows that locks close a route, but not which of several.
         waiting = [v.name for v in _vehicles(fleet) if ReasonCode.PATH_LOCKED in _codes_of(v)]
-        for path in services.locked_paths:
-            yield fleet.matter(MatterKind.PATH_LOCKED, path, f"Path {path} is locked.", robots=waiting)
+        for paths, setter in _locked_together(services):
+            by = f" by {setter.by}" if setter else ""
+            text = f"{'These paths are' if paths[1:] else 'This path is'} locked{by}: {', '.join(paths)}"
+            since = min(setter.since, fleet.at.utc) if setter else None
+            yield fleet.matter(
+                MatterKind.PATH_LOCKED, paths[0], text, since=since, robots=waiting, paths=paths
+            )
+
+
+def _locked_together(services: OrderServiceWatch) -> Iterator[tuple[tuple[str, ...], SetBy | None]]:
+    """Yield the paths that one person has locked in one go, and those that nobody is known to have locked."""
+    together: list[str] = []
+    last: SetBy | None = None
+    known = services.locked_by
+    for path in sorted(services.locked_paths, key=lambda each: _order_of(known.get(each))):
+        setter = known.get(path)
+        if not (last and setter and setter.by == last.by and setter.since - last.since <= IN_ONE_GO):
+            if together:
+                yield tuple(together), known.get(together[0])
+            together = []
+        together.append(path)
+        last = setter
+    yield tuple(together), known.get(together[0])
+
+
+def _order_of(setter: SetBy | None) -> tuple[str, float]:
+    return (setter.by, setter.since.timestamp()) if setter else ("", 0.0)
 
 
 def _of_stop(fleet: Fleet, stop: StopStatus, stopped: Iterable[str]) -> Matter:

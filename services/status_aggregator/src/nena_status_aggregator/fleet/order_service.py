@@ -6,7 +6,7 @@ from datetime import datetime
 
 from nena_shared.clock import ClockSkew
 from nena_shared.fleet_api.service_status import LOST_AFTER, ServiceStatus
-from nena_shared.fleet_api.stops import StopStatus
+from nena_shared.fleet_api.stops import SetBy, StopStatus
 from nena_shared.mqtt.broker_check import BrokerLack
 from nena_status_aggregator.fleet.robot import Timestamp
 
@@ -27,6 +27,8 @@ class OrderServiceWatch:
         """What it has found that the broker does not do."""
         self.locked_paths: tuple[str, ...] = ()
         """The paths that hosts have locked."""
+        self.locked_by: dict[str, SetBy] = {}
+        """Who has locked them, by path."""
 
     def apply_status(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
         """Store a status."""
@@ -34,7 +36,7 @@ class OrderServiceWatch:
         # The timestamp of a retained status is old, that of a last will is the one of the connection.
         if status.online:
             self.stops, self.broker_lacks = status.stops, status.broker_lacks
-            self.locked_paths = status.locked_paths
+            self.locked_paths, self.locked_by = status.locked_paths, status.locked_by
             self.last_sign = status.timestamp if retained else at.utc
             if not retained:
                 self.skew.measure(status.timestamp, at.utc)
@@ -43,7 +45,7 @@ class OrderServiceWatch:
         """Forget the status: the broker link is down, or the broker no longer retains it."""
         self._last, self.last_sign = None, None
         self.stops, self.broker_lacks, self.locked_paths = (), (), ()
-        self.skew = ClockSkew()
+        self.locked_by, self.skew = {}, ClockSkew()
 
     def is_up(self, now: Timestamp) -> bool | None:
         """Return whether the order service is up; None: no status received."""

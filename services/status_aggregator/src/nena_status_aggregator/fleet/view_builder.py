@@ -324,6 +324,8 @@ def _view_vehicle(status: VehicleStatus, chain: WaitChain | None) -> VehicleView
         "name": status.name,
         "state": status.state.value,
         "processingState": status.processing_state.value,
+        "integrationLevel": status.integration_level.value,
+        "levelSet": {"by": setter.by, "since": iso(setter.since)} if (setter := status.level_set) else None,
         "reason": short(status.reason) or "",
         "codedReason": view_reason(status.coded_reason),
         "transportOrder": status.transport_order,

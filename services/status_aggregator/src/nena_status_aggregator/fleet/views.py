@@ -174,12 +174,21 @@ class WaitView(TypedDict):
     """Vehicles that wait for each other, each for the one after it."""
 
 
+class SetByView(TypedDict):
+    """Who has set something, and when."""
+
+    by: str
+    since: str
+
+
 class VehicleView(TypedDict):
     """The robot's vehicle in the order service."""
 
     name: str
     state: str
     processingState: str
+    integrationLevel: str
+    levelSet: SetByView | None
     reason: str
     codedReason: CodedReasonView | None
     transportOrder: str | None

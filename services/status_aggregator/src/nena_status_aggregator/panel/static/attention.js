@@ -2,7 +2,7 @@
 
 import { acknowledge, command } from "./api.js";
 import { button, element, field, foreign, refill, setAttribute, setText, verbatim } from "./dom.js";
-import { adviceFor, conditionText, reasonOf, statusOfOrder } from "./explanations.js";
+import { adviceFor, conditionText, reasonOf, setBy, statusOfOrder } from "./explanations.js";
 import { charging } from "./fleet_commands.js";
 import { outcome, run } from "./forms.js";
 import { has, plural, t, timeOfDay } from "./i18n.js";
@@ -16,13 +16,15 @@ const OWN_TEXT = ["battery_low", "taken_out"]; // kinds about a robot that its c
 const nameIn = ({ kind, subject }) => (kind === "stop" ? "" : subject);
 
 /** Return what a matter is: a few words in the panel's language. */
-function labelOf({ kind, robot }, store) {
+function labelOf({ kind, robot, paths }, store) {
+  if (paths?.length > 1) return t("attention.paths_locked", { count: paths.length });
   const shown = store.robots.get(robot);
   return shown && !OWN_TEXT.includes(kind) ? conditionText(shown) : t(`attention.${kind}`);
 }
 
 // The reason, `{text, foreign}`; for what has no own words, empty.
-function reasonFor({ kind, robot, subject }, store) {
+function reasonFor({ kind, robot, subject, paths }, { store, plant }) {
+  if (kind === "path_locked") return { text: [paths.slice(1).join(", "), setBy(plant.find(subject)?.thing.lockedBy)].filter(Boolean).join(" – ") };
   const shown = store.robots.get(robot);
   if (shown) return { text: reasonOf(shown) };
   const order = kind.startsWith("order_") && store.orders.get(subject);
@@ -49,10 +51,16 @@ function linkOf({ kind, robot, subject }, store) {
 
 // The button that ends a matter at once, `[text, send]`; the others are ended on the page of their robot or order.
 const ENDS = {
-  path_locked: ({ subject }, { plant }) => ["place.unlock", async () => (await plant.lock(subject, false), ["done.unlocked", { name: subject }])],
+  path_locked: ({ paths }, { plant }) => [
+    paths.length > 1 ? "place.unlockAll" : "place.unlock",
+    async () => {
+      for (const path of paths) await plant.lock(path, false);
+      return ["done.unlocked", { name: paths.join(", ") }];
+    },
+  ],
   order_held: ({ subject }, { person }) => ["order.resume", async () => (await command(["transportOrders", subject, "resume"], { by: person(), reason: "resumed at the control panel" }), ["done.resumed", { name: subject }])],
   robot_paused: ({ subject }) => ["command.resume", async () => outcome(await command(["vehicles", subject, "instantActions"], { actionType: "resume" }), "done.resume", { name: subject, action: t("command.resume") })],
-  taken_out: ({ subject }) => ["attention.useAgain", async () => (await command(["vehicles", subject, "integrationLevel"], { integrationLevel: "TO_BE_UTILIZED" }, "PUT"), ["done.integration", { name: subject, level: t("integration.TO_BE_UTILIZED") }])],
+  taken_out: ({ subject }, { person }) => ["attention.useAgain", async () => (await command(["vehicles", subject, "integrationLevel"], { integrationLevel: "TO_BE_UTILIZED", by: person() }, "PUT"), ["done.integration", { name: subject, level: t("integration.TO_BE_UTILIZED") }])],
 };
 
 /** The button in the header: how many matters nobody has acknowledged, and the most urgent one. */
@@ -167,7 +175,7 @@ class Attention extends HTMLElement {
   #row(matter) {
     const { store } = this.fleet;
     const row = this.#rows.get(matter.id) ?? element("li");
-    const shown = { matter, label: labelOf(matter, store), reason: reasonFor(matter, store), advice: adviceOf(matter, this.fleet), link: linkOf(matter, store) };
+    const shown = { matter, label: labelOf(matter, store), reason: reasonFor(matter, this.fleet), advice: adviceOf(matter, this.fleet), link: linkOf(matter, store) };
     refill(row, shown, () => this.#parts(shown));
     return row;
   }

@@ -3,7 +3,7 @@
 import { fetchList } from "./api.js";
 import { csvOf, save } from "./csv.js";
 import { button, element, field, foreign, select, setText, verbatim } from "./dom.js";
-import { dateAndTime, fieldTime, number, plural, t } from "./i18n.js";
+import { dateAndTime, fieldTime, has, number, plural, t } from "./i18n.js";
 import { backLink, parameters, setParameters } from "./router.js";
 
 const PAGE = 50;
@@ -113,11 +113,44 @@ function row(entry) {
   const door = entry.client ? `${entry.interface}, ${entry.client}` : entry.interface;
   const what = element("div", {}, verbatim("strong", operation), " ", verbatim("span", object));
   const who = element("span", {}, t("audit.who", { user, door }), " · ", t(`audit.${result}`));
-  const states = (before || after) && verbatim("code", `${before || "–"} → ${after || "–"}`);
-  const more = [reason && foreign("q", reason), states, request && verbatim("code", request)];
+  const more = [reason && foreign("q", reason), changesOf(before, after), wordsOf(parsed(request))];
   const details = more.filter(Boolean).map((each) => element("span", {}, each));
   const time = element("time", { datetime: entry.timestamp }, dateAndTime(entry.timestamp));
   return element("li", { "data-row": entry.sequence }, time, what, who, ...details);
+}
+
+function parsed(text) {
+  try {
+    return JSON.parse(text || "null");
+  } catch {
+    return text; // cut off, because it was too long
+  }
+}
+
+// Names of fields that the panel has words for; others are shown in the words of their English names.
+const FIELDS = {
+  by: "stops.by", deadline: "orders.deadline", destinations: "orders.destinations", heldBy: "order.held", integrationLevel: "integration.title", intendedVehicle: "orders.vehicle",
+  locked: "plant.locked", priority: "orders.priority", reason: "stops.reason", state: "orders.state", type: "orders.type", vehicle: "orders.vehicle",
+};
+
+const nameOf = (field) => (Object.hasOwn(FIELDS, field) ? t(FIELDS[field]) : field.replace(/([a-z])([A-Z])/g, "$1 $2").toLowerCase());
+
+function wordsOf(value) {
+  if (value === null || value === undefined || value === "") return "";
+  if (typeof value === "boolean") return t(value ? "form.yes" : "form.no");
+  if (Array.isArray(value)) return value.map(wordsOf).join(", ") || t("none");
+  if (value.locationName) return `${value.locationName}${value.operation ? `: ${wordsOf(value.operation)}` : ""}`;
+  if (typeof value === "object") return Object.entries(value).filter(([, each]) => each !== null).map(([field, each]) => `${nameOf(field)}: ${wordsOf(each)}`).join(" · ");
+  const known = ["integration", "state", "operation"].map((group) => `${group}.${value}`).find(has);
+  return known ? t(known).split(":")[0] : /^\d{4}-\d\d-\d\dT/.test(value) ? dateAndTime(value) : String(value);
+}
+
+// The fields that a change has set, with their values before.
+function changesOf(before, after) {
+  const [old, now] = [parsed(before) ?? {}, parsed(after) ?? {}];
+  const fields = [...new Set([...Object.keys(old), ...Object.keys(now)])].map((field) => [field, wordsOf(old[field]), wordsOf(now[field])]);
+  const changed = fields.filter(([, from, to]) => from !== to);
+  return changed.map(([field, from, to]) => `${nameOf(field)}: ${from ? `${from} → ` : ""}${to || t("none")}`).join(" · ");
 }
 
 customElements.define("nena-audit-page", AuditPage);

@@ -4,7 +4,7 @@ import { element, foreign, refill } from "./dom.js";
 import { jobOf, shownState } from "./fleet.js";
 import { chosenLanguage, has, number, t, timeOfDay } from "./i18n.js";
 import { nameAndState } from "./peripherals.js";
-import { worded } from "./reasons.js";
+import { nameOfHolder, worded } from "./reasons.js";
 import { address } from "./router.js";
 
 const SINCE = {
@@ -46,6 +46,17 @@ export function nameOf(orderId) {
 /** Return the condition of a robot in one or two words; for an urgent one, what is wrong. */
 export function conditionText(robot) {
   return t(robot.urgent ? `urgent.${robot.reasonCode}` : `condition.${robot.condition}`);
+}
+
+/** Return how a robot is used by the order service, in two or three words; empty for one that gets orders. */
+export function useOf({ vehicle }) {
+  const level = vehicle?.integrationLevel ?? "TO_BE_UTILIZED";
+  return level === "TO_BE_UTILIZED" ? "" : t(`integration.${level}`).split(/[:,]/)[0];
+}
+
+/** Return who has locked or set something, and since when; empty if nobody is known. */
+export function setBy(setter) {
+  return setter ? t("order.heldBy", { by: nameOfHolder(setter.by), time: timeOfDay(setter.since) }) : "";
 }
 
 /** Return the name under which a robot is counted and filtered: its condition, or URGENT. */

@@ -109,10 +109,13 @@ export class PlantStore extends EventTarget {
   #locksFollowed = false;
   #asking = false;
   #store;
+  #person;
 
-  constructor(store) {
+  /** `person`: returns the name for a lock. */
+  constructor(store, person) {
     super();
     this.#store = store;
+    this.#person = person;
     store.addEventListener("change", ({ detail: { parts } }) => {
       if (parts.has("plant")) this.#load(store.plant);
       if (parts.has("orderService") && this.#locksFollowed) this.#loadLocks(); // a stop of an area locks paths
@@ -128,7 +131,7 @@ export class PlantStore extends EventTarget {
 
   /** Lock or unlock a path. */
   async lock(name, locked) {
-    const path = await command(["paths", name, "lock"], { locked }, "PUT");
+    const path = await command(["paths", name, "lock"], { locked, by: this.#person() }, "PUT");
     this.#takeLocks([path]);
   }
 
@@ -157,9 +160,9 @@ export class PlantStore extends EventTarget {
 
   #takeLocks(paths) {
     const known = new Map(paths.map((path) => [path.name, path]));
-    const differs = (path, { locked, stop }) => locked !== path.locked || stop !== path.stop;
+    const differs = (path, { locked, stop, lockedBy }) => locked !== path.locked || stop !== path.stop || lockedBy?.since !== path.lockedBy?.since;
     const changed = (this.model?.paths ?? []).filter((path) => known.has(path.name) && differs(path, known.get(path.name)));
-    for (const path of changed) ({ locked: path.locked, stop: path.stop } = known.get(path.name));
+    for (const path of changed) ({ locked: path.locked, stop: path.stop, lockedBy: path.lockedBy } = known.get(path.name));
     if (changed.length) this.dispatchEvent(new Event("locks"));
   }
 

@@ -27,6 +27,8 @@ const MINUTE = 60_000; // ms
 const EARLIEST = Date.UTC(2000);
 const LONGEST = 25 * 3600 * 1000; // ms, of a replay
 const LISTED = 60;
+const READ = 4 * LISTED; // events, of which those of a stop are one row
+const STOPS = 15_000; // ms within which robots follow the begin or the end of a stop
 const GROUPED = 1000; // events, when they are grouped by order
 const LIST_FRAMES = 10; // of a replay, after which the list follows it
 const MARKS = 300; // on the slider
@@ -248,7 +250,7 @@ class HistoryPage extends HTMLElement {
     while (this.#outdated) {
       this.#outdated = false;
       const filter = this.#filter;
-      const found = await this.#fetchEvents(filter, Number(this.slider.value) + 1, filter.grouped ? GROUPED : LISTED);
+      const found = await this.#fetchEvents(filter, Number(this.slider.value) + 1, filter.grouped ? GROUPED : READ);
       if (found) this.#showEvents(found, filter.grouped);
     }
     this.#listing = false;
@@ -257,8 +259,9 @@ class HistoryPage extends HTMLElement {
   #showEvents({ entries, next }, grouped) {
     const names = Object.fromEntries([...this.fleet.store.robots.values()].map((robot) => [robot.id, robot.name]));
     const content = [entries.map((entry) => entry.id), grouped, names];
-    refill(this.list, content, () => (grouped ? this.#groups(entries, names) : entries.map((entry) => this.#event(entry, names))));
-    const more = next !== null || (grouped && new Set(entries.map((entry) => entry.order)).size > LISTED);
+    const rows = grouped ? null : withoutFollowers(entries);
+    refill(this.list, content, () => (grouped ? this.#groups(entries, names) : rows.slice(0, LISTED).map((each) => this.#row(each, names))));
+    const more = next !== null || (grouped ? new Set(entries.map((entry) => entry.order)).size : rows.length) > LISTED;
     setText(this.cut, more ? t("history.listed", { count: number(this.list.children.length) }) : "");
   }
 
@@ -272,12 +275,24 @@ class HistoryPage extends HTMLElement {
     return [...groups].slice(0, LISTED).map(([order, entries]) => {
       const title = order ? verbatim("strong", order) : element("strong", {}, t("history.noOrder"));
       const latest = element("span", {}, `${dateAndTime(entries[0].time)} · ${plural("history.count", entries.length)}`);
-      const rows = element("ol", { class: "history" }, ...entries.slice(0, LISTED).map((entry) => this.#event(entry, names)));
-      const made = element("details", {}, element("summary", {}, title, " ", latest), rows);
-      made.open = this.opened.has(order);
-      made.addEventListener("toggle", () => (made.open ? this.opened.add(order) : this.opened.delete(order)));
-      return element("li", { class: "group" }, made);
+      return element("li", { class: "group" }, this.#openable(order, [title, " ", latest], entries.slice(0, LISTED), names));
     });
+  }
+
+  // The events below a title, shown if it is opened; open ones stay open when the list changes.
+  #openable(key, title, entries, names) {
+    const rows = element("ol", { class: "history" }, ...entries.map((entry) => this.#event(entry, names)));
+    const made = element("details", {}, element("summary", {}, ...title), rows);
+    made.open = this.opened.has(key);
+    made.addEventListener("toggle", () => (made.open ? this.opened.add(key) : this.opened.delete(key)));
+    return made;
+  }
+
+  #row({ entry, followers }, names) {
+    const made = this.#event(entry, names);
+    const robots = new Set(followers.map(({ robot }) => robot)).size;
+    if (robots) made.append(this.#openable(entry.id, [plural("attention.robots", robots)], followers, names));
+    return made;
   }
 
   #event(entry, names) {
@@ -314,6 +329,25 @@ class HistoryPage extends HTMLElement {
   #replay(detail) {
     this.dispatchEvent(new CustomEvent("replay", { detail }));
   }
+}
+
+// Entries, the latest first, as `{entry, followers}`: those of the robots that a stop pauses or that continue at its end are its followers.
+function withoutFollowers(entries) {
+  const stops = entries.filter(({ code }) => code === "stop");
+  const ofStop = ({ code, time, values }) =>
+    stops.find(({ values: { active }, ...stop }) => {
+      const ofRobot = code === "condition" && (active ? /^(stopped|paused)/.test(values.reason) : values.before === "BLOCKED");
+      const ofOrder = code === "transportOrder" && active && /"(is|all|area)_paused"/.test(JSON.stringify(values.codedReason ?? ""));
+      return (ofRobot || ofOrder) && Math.abs(Date.parse(time) - Date.parse(stop.time)) <= STOPS;
+    });
+  const rows = new Map(entries.map((entry) => [entry.id, { entry, followers: [] }]));
+  for (const entry of entries) {
+    const stop = ofStop(entry);
+    if (!stop) continue;
+    rows.get(stop.id).followers.push(entry);
+    rows.delete(entry.id);
+  }
+  return [...rows.values()];
 }
 
 function noteOn(found, { since }) {

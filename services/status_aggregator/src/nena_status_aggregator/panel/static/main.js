@@ -28,12 +28,13 @@ for (const node of document.querySelectorAll("[data-text]")) node.textContent = 
 
 const part = (name) => document.querySelector(`nena-${name}`);
 const store = new FleetStore();
-const plant = new PlantStore(store);
+const person = () => personOf(session);
+const plant = new PlantStore(store, person);
 const link = new EventLink(store, "api/v1/events");
 const session = await getSession();
 const enabled = await commandsEnabled();
 const noCommands = enabled ? { viewer: "login.noCommands" }[session?.role] : "command.off";
-const fleet = { store, plant, link, enabled, noCommands, person: () => personOf(session) };
+const fleet = { store, plant, link, enabled, noCommands, person };
 const map = part("fleet-map");
 const views = { robots: part("robot-page"), orders: part("order-page"), newOrder: part("order-form"), places: part("place-page"), history: part("history-page"), reports: part("reports-page"), schedules: part("schedules-page"), plant: part("plant-page"), audit: part("audit-page") };
 const withoutId = ["history", "reports", "schedules", "plant", "audit"]; // views

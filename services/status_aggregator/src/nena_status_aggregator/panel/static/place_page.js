@@ -2,10 +2,10 @@
 
 import { ask, command, newKey, RefusedError } from "./api.js";
 import { button, element, field, refill, refillSelect, select, setText, verbatim } from "./dom.js";
-import { conditionText } from "./explanations.js";
+import { conditionText, setBy } from "./explanations.js";
 import { commandForm, operation, run, vehicles } from "./forms.js";
 import { byName, t } from "./i18n.js";
-import { effectOfLock } from "./queue.js";
+import { effectOfLock, wordsOfLock } from "./queue.js";
 import { address, backLink } from "./router.js";
 
 const PAUSE = 2000;
@@ -45,7 +45,9 @@ class PlacePage extends HTMLElement {
     this.heading = verbatim("h2", this.#name, { tabindex: -1 });
     this.kind = element("span", { class: "chip" }, found ? t(`place.${found.kind}`) : "");
     this.kind.hidden = !found;
-    const head = element("header", { class: "head" }, backLink(), this.heading, this.kind);
+    this.asking = null; // the locks that the page asks about
+    this.lockedBy = element("span");
+    const head = element("header", { class: "head" }, backLink(), this.heading, this.kind, this.lockedBy);
     this.device = element("nena-peripheral-details");
     this.holders = element("div");
     this.commands = element("div");
@@ -111,6 +113,7 @@ class PlacePage extends HTMLElement {
     setText(this.effect, effect);
     this.asked.replaceChildren(this.effect, element("div", { class: "actions" }, sure));
     this.asked.hidden = false;
+    this.asking = { names, locked };
     this.effect.focus();
   }
 
@@ -166,6 +169,11 @@ class PlacePage extends HTMLElement {
     this.#asking = false;
     const found = this.#name && this.fleet.plant.find(this.#name); // the plan is the same for all places
     if (!found) return;
+    if (!this.asked?.hidden && this.asking?.locked) {
+      const { names } = this.asking;
+      const effect = await wordsOfLock(names);
+      if (names === this.asking.names) setText(this.effect, effect); // it is still asked
+    }
     this.#held = plan && plan.vehicles.flatMap((vehicle) => heldAs(vehicle, found));
     this.#update();
   }
@@ -195,6 +203,8 @@ class PlacePage extends HTMLElement {
     setText(this.kind, t(locked ? "place.locked" : "place.path"));
     this.kind.dataset.state = locked ? "FAILED" : "";
     if (this.fleet.noCommands) return;
+    if (this.asking?.names.every((name) => this.#locked(name) === this.asking.locked)) this.asked.hidden = true; // somebody else has done it
+    setText(this.lockedBy, locked ? setBy(found.thing.lockedBy) : "");
     this.lock.disabled = locked;
     this.lockBoth.disabled = locked && other;
     this.unlock.disabled = !locked || stopped;

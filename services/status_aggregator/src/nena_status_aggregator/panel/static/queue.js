@@ -1,7 +1,7 @@
 // Who waits behind a robot or a locked path, and what ends the wait: another route, taking the robot out, leading around it.
 
 import { ask, askWith, command } from "./api.js";
-import { button, element, refill, verbatim } from "./dom.js";
+import { button, element, refill, setText, verbatim } from "./dom.js";
 import { conditionText, orderOf } from "./explanations.js";
 import { confirmation, run } from "./forms.js";
 import { age, plural, t } from "./i18n.js";
@@ -9,6 +9,7 @@ import { address } from "./router.js";
 
 const LISTED = 20;
 const NAMED = 5;
+const LOOK = 2000; // ms between two looks at the effect of a lock that is not confirmed yet
 const LEFT_OUT = "TO_BE_IGNORED";
 
 /** Return the robots that wait behind a head (a vehicle or a path) or in a circle with it, the longest first. */
@@ -22,6 +23,11 @@ export async function effectOfLock([name, ...also]) {
   const { vehicles, orders } = await askWith(["paths", name, "lockPreview"], also.map((path) => ["also", path]));
   if (!orders.length) return "";
   return t("queue.noOtherRoute", { robots: plural("queue.robots", vehicles.length), orders: plural("queue.orders", orders.length), names: [...vehicles, ...orders].slice(0, NAMED).join(", ") });
+}
+
+/** Return the effect of a lock in a sentence, also if there is none, or if it cannot be known. */
+export async function wordsOfLock(paths) {
+  return (await effectOfLock(paths).catch(() => t("queue.effectUnknown"))) || t("queue.allHaveRoutes");
 }
 
 /** Lists who waits behind `head`; for a robot, with what ends the jam. */
@@ -58,25 +64,39 @@ class Queue extends HTMLElement {
     return ["queue.rerouted", { count: rerouted, all: names.length }];
   }
 
-  // The paths that the robot holds, and those that lead to the points that it holds.
-  async #askToLock() {
+  // The paths that the robot holds, and those that lead to the points that it holds; and what their locks would do.
+  async #look() {
     const plan = await ask("traffic", "plan");
     const held = new Set(plan.vehicles.find(({ vehicle }) => vehicle === this.head)?.holds);
     const leads = ({ name, source, destination, maxReverseVelocityMmS: back }) => held.has(name) || held.has(destination) || (back > 0 && held.has(source));
     const paths = this.plant.model.paths.filter((path) => leads(path) && !path.locked).map(({ name }) => name);
+    return { paths, effect: paths.length ? `${t("queue.locks", { names: paths.join(", ") })} ${await wordsOfLock(paths)}` : t("queue.nothingToLock", { name: this.head }) };
+  }
+
+  async #askToLock() {
+    let { paths, effect } = await this.#look();
     if (!paths.length) return ["queue.nothingToLock", { name: this.head }];
-    const effect = await effectOfLock(paths);
     const asked = confirmation({
       label: t("queue.leadAround"),
-      effect: `${t("queue.locks", { names: paths.join(", ") })} ${effect || t("queue.allHaveRoutes")}`,
+      effect,
       submit: t("queue.leadAroundSure"),
       send: async () => {
+        clearInterval(looking);
         for (const path of paths) await this.plant.lock(path, true);
         return ["queue.locked", { name: this.head }, ...paths.flatMap((path) => [placeLink(path), " "])];
       },
     });
+    const words = asked.querySelector(".effect");
+    // What is confirmed is what is there now: the robot may have driven on, or others may have got a route.
+    const looking = setInterval(async () => {
+      const now = asked.isConnected ? await this.#look().catch(() => null) : clearInterval(looking);
+      if (!now || asked.querySelector("[aria-busy]")) return;
+      ({ paths, effect } = now);
+      setText(words, effect);
+      asked.querySelector("button").disabled = !paths.length;
+    }, LOOK);
     this.opened.replaceChildren(asked);
-    asked.querySelector(".effect").focus();
+    words.focus();
     return ["queue.confirm", {}];
   }
 }

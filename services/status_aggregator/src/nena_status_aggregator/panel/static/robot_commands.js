@@ -1,6 +1,6 @@
 // Command buttons of a robot, and the forms they open.
 
-import { ask, command, newKey, RefusedError } from "./api.js";
+import { command, newKey, RefusedError } from "./api.js";
 import { button, element, field, foreign, numberInput, numberOf, select, setAttribute, setText } from "./dom.js";
 import { orderOf, reasonOf } from "./explanations.js";
 import { charging } from "./fleet_commands.js";
@@ -57,10 +57,9 @@ function offPathsHint(pose, plant, robot) {
 export const LEVELS = ["TO_BE_UTILIZED", "TO_BE_RESPECTED", "TO_BE_NOTICED", "TO_BE_IGNORED"];
 const UNSEEN = ["TO_BE_NOTICED", "TO_BE_IGNORED"]; // other robots do not avoid it
 
-async function levelForm(vehicle, suggested) {
-  const known = await ask("vehicles", vehicle).catch(() => null);
+function levelForm({ name: vehicle, integrationLevel }, suggested, person) {
   const level = select([["", t("form.choose")], ...LEVELS.map((each) => [each, t(`integration.${each}`)])], { name: "level", required: true });
-  level.value = suggested ?? known?.integrationLevel ?? "";
+  level.value = suggested ?? integrationLevel;
   const details = element("div");
   const choose = () => {
     const sure = element("input", { type: "checkbox", name: "sure", required: true });
@@ -74,7 +73,7 @@ async function levelForm(vehicle, suggested) {
     submit: t("integration.send"),
     fields: [element("p", { class: "hint" }, t("integration.hint")), field(t("integration.title"), level), details],
     send: async () => {
-      await command(["vehicles", vehicle, "integrationLevel"], { integrationLevel: level.value }, "PUT");
+      await command(["vehicles", vehicle, "integrationLevel"], { integrationLevel: level.value, by: person() }, "PUT");
       return ["done.integration", { name: vehicle, level: t(`integration.${level.value}`) }];
     },
   });
@@ -223,7 +222,7 @@ class RobotCommands extends HTMLElement {
   #openers = new Map(); // by the key of the text
 
   /** Show the commands of one robot; `noCommands`: key of the reason why they are not available. */
-  show({ store, plant, noCommands }, robotId) {
+  show({ store, plant, noCommands, person }, robotId) {
     this.store = store;
     this.plant = plant;
     this.robotId = robotId;
@@ -242,7 +241,7 @@ class RobotCommands extends HTMLElement {
       this.resume,
       this.cancel,
       this.#opener("command.action", () => actionForm(this.#vehicle, this.#robot)),
-      this.#opener("command.level", (level) => levelForm(this.#vehicle, level)),
+      this.#opener("command.level", (level) => levelForm(this.#robot.vehicle, level, person)),
     ];
     this.charge = this.#direct("charge", () => this.#chargeNow());
     this.driverOn = this.#direct("driverOn", () => this.#act("nena:startRosSession", "driverOn"));

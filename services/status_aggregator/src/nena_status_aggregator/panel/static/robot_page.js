@@ -1,7 +1,7 @@
 // The page of a robot: why it is not moving, commands, order, errors, actions, goals, details, recordings, deviations.
 
 import { button, element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "./dom.js";
-import { adviceForError, causesOfRobot, conditionText, errorText, nodeName, orderOf } from "./explanations.js";
+import { adviceForError, causesOfRobot, conditionText, errorText, nodeName, orderOf, setBy, useOf } from "./explanations.js";
 import { age, dateAndTime, degrees, has, number, t } from "./i18n.js";
 import { address, backLink } from "./router.js";
 import "./queue.js";
@@ -39,6 +39,7 @@ class RobotPage extends HTMLElement {
   #build() {
     this.heading = verbatim("h2", "", { tabindex: -1 });
     this.chip = element("span", { class: "chip" });
+    this.use = element("span", { class: "use" });
     this.why = element("nena-why-list");
     this.commands = element("nena-robot-commands");
     this.facts = element("dl", { class: "facts" });
@@ -54,7 +55,7 @@ class RobotPage extends HTMLElement {
     this.recordings = element("nena-recordings");
     this.gone = element("p", { class: "hint" }, t("robot.gone"));
     const toMap = button(t("robot.toMap"), () => this.dispatchEvent(new CustomEvent("reveal", { detail: this.#id })));
-    const head = element("header", { class: "head" }, backLink(), this.heading, this.chip, toMap);
+    const head = element("header", { class: "head" }, backLink(), this.heading, this.chip, this.use, toMap);
     this.whyTitle = element("h3");
     const whySection = element("section", {}, this.whyTitle, this.why);
     const commandSection = element("section", {}, element("h3", {}, t("robot.commands")), this.commands);
@@ -83,6 +84,7 @@ class RobotPage extends HTMLElement {
     setText(this.chip, conditionText(robot));
     setAttribute(this.chip, "data-condition", robot.condition);
     setAttribute(this.chip, "data-urgent", robot.urgent && "");
+    setText(this.use, [useOf(robot), setBy(robot.vehicle?.levelSet)].filter(Boolean).join(" "));
     setText(this.whyTitle, t(robot.driving ? "why.drives" : "why.title"));
     this.why.show(causesOfRobot(robot, this.fleet));
     this.#updateQueue(robot.vehicle?.name ?? null);

@@ -1,7 +1,7 @@
 // The live tables of robots and transport orders.
 
 import { element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "./dom.js";
-import { conditionText, filterOf, isOfOrderService, orderOf, reasonOf, statusOfOrder } from "./explanations.js";
+import { conditionText, filterOf, isOfOrderService, orderOf, reasonOf, setBy, statusOfOrder, useOf } from "./explanations.js";
 import { hasFailed, shownState, stopState } from "./fleet.js";
 import { age, byName, dateAndTime, number, plural, t } from "./i18n.js";
 import { LiveTable, cell, filterChip, matches } from "./live_table.js";
@@ -67,6 +67,7 @@ class RobotTable extends LiveTable {
       box,
       model: verbatim("span", "", { class: "detail" }),
       chip: element("span", { class: "chip" }),
+      use: element("span", { class: "use of-orders" }),
       waited: element("span", { class: "number" }),
       reason: element("span", { class: "reason" }),
       head: element("span", { class: "detail of-orders" }),
@@ -84,7 +85,7 @@ class RobotTable extends LiveTable {
       "tr",
       { "data-robot": id },
       cell("robots.name", parts.box, parts.name, parts.model),
-      cell("robots.condition", element("div", { class: "line" }, parts.chip, parts.waited, parts.head), element("div", { class: "line" }, parts.reason, parts.marks)),
+      cell("robots.condition", element("div", { class: "line" }, parts.chip, parts.use, parts.waited, parts.head), element("div", { class: "line" }, parts.reason, parts.marks)),
       cell("robots.battery", parts.battery, parts.charging),
       cell("robots.order", parts.order, parts.progress.box),
       cell("robots.lastState", parts.age),
@@ -109,6 +110,8 @@ function updateRobotRow(parts, row, robot, now, store) {
   setText(parts.chip, conditionText(robot));
   setAttribute(parts.chip, "data-condition", robot.condition);
   setAttribute(parts.chip, "data-urgent", robot.urgent && "");
+  setText(parts.use, useOf(robot));
+  setAttribute(parts.use, "title", setBy(robot.vehicle?.levelSet));
   setText(parts.waited, rankOf(robot) <= STANDING ? age((now - Date.parse(robot.conditionSince)) / 1000) : "");
   setText(parts.reason, reasonOf(robot));
   setAttribute(parts.reason, "title", reasonOf(robot)); // cut off in a narrow column

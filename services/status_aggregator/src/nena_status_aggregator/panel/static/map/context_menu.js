@@ -1,6 +1,5 @@
 // The context menu of a robot, point, location or path on the map: by right click, long press or the keyboard.
 
-import { ask } from "../api.js";
 import { element, setAttribute } from "../dom.js";
 import { t } from "../i18n.js";
 import { LEVELS } from "../robot_commands.js";
@@ -30,12 +29,14 @@ class MapMenu extends HTMLElement {
   openForRobot(robot, at, back) {
     const vehicle = robot.vehicle?.name;
     const levels = LEVELS.map((level) => this.#item(t(`integration.${level}`), "robots", robot.id, "command.level", level));
-    for (const each of levels) setAttribute(each, "role", "menuitemradio");
+    levels.forEach((each, at) => {
+      setAttribute(each, "role", "menuitemradio");
+      setAttribute(each, "aria-checked", String(LEVELS[at] === robot.vehicle?.integrationLevel));
+    });
     const title = element("div", { class: "group", role: "presentation" }, t("integration.title"));
     const group = element("div", { role: "group", "aria-label": t("integration.title") }, title, ...levels);
     const commands = vehicle ? [this.#item(t("command.dispatch"), "robots", robot.id, "command.dispatch"), group] : [];
     this.#open(robot.name, [this.#item(t("map.menu.page"), "robots", robot.id, null), ...commands], at, back);
-    if (vehicle) this.#check(vehicle, levels);
   }
 
   /** Open the menu of a place or path, as the plant store finds it; `twoWay`: a path has an opposite one. */
@@ -55,12 +56,6 @@ class MapMenu extends HTMLElement {
     this.style.left = `${Math.max(0, Math.min(x, room.clientWidth - this.offsetWidth))}px`;
     this.style.top = `${Math.max(0, Math.min(y, room.clientHeight - this.offsetHeight))}px`;
     this.items[0].focus({ preventScroll: true });
-  }
-
-  // Mark the current level once the order service has answered.
-  async #check(vehicle, levels) {
-    const known = await ask("vehicles", vehicle).catch(() => null);
-    if (known) LEVELS.forEach((level, index) => setAttribute(levels[index], "aria-checked", String(level === known.integrationLevel)));
   }
 
   #item(text, view, id, name, value) {

@@ -1,5 +1,6 @@
 // Paints robots: footprint, heading, planned route and goal. Sizes are in metres.
 
+import { useOf } from "../explanations.js";
 import { number, t } from "../i18n.js";
 import { badgeOf, BADGE, loadBadge } from "./badges.js";
 import { Labels } from "./labels.js";
@@ -35,10 +36,11 @@ function reachOf(view, robot, jams) {
   return radiusOf(view, robot) + (isMarked(robot, jams) ? RING : 0);
 }
 
-// With the charge of a low battery, and the number of robots that wait behind it.
+// With the charge of a low battery, that it is out of use, and the number of robots that wait behind it.
 function nameOf(robot, jams) {
   const low = robot.battery && robot.battery.charge < LOW_BATTERY && t("battery.charge", { charge: number(robot.battery.charge) });
-  const name = low ? `${robot.name} (${low})` : robot.name;
+  const more = [low, useOf(robot)].filter(Boolean).join(", ");
+  const name = more ? `${robot.name} (${more})` : robot.name;
   const behind = jams.get(robot.vehicle?.name);
   return behind ? t("map.jam", { name, count: behind }) : name;
 }
@@ -151,7 +153,7 @@ function paintRobot(context, view, robot, [x, y], { selected, colours, jams }) {
   if (isMarked(robot, jams)) paintRing(context, reachOf(view, robot, jams), colourOf(robot, colours), robot.urgent);
   if (robot.id === selected) paintHalo(context, radiusOf(view, robot) + HALO, colours.accent);
   context.rotate(-robot.position.theta);
-  context.globalAlpha = ABSENT.includes(robot.condition) || !robot.position.localized ? 0.55 : 1;
+  context.globalAlpha = ABSENT.includes(robot.condition) || !robot.position.localized || useOf(robot) ? 0.55 : 1;
   const outline = Math.max(length, width) > LEAST_ROBOT && robot.body?.outline; // too small to be visible otherwise
   context.beginPath();
   if (outline) traceOutline(context, outline, view.scale);
