@@ -96,9 +96,10 @@ class HallSite:
 ADVICE_IN_SIGHT = """() => {
   const frame = document.querySelector("nena-attention").getBoundingClientRect();
   const advice = document.querySelector("nena-attention li .advice").getBoundingClientRect();
-  return advice.bottom <= Math.min(frame.bottom, innerHeight);
+  const list = document.querySelector("nena-attention");
+  return advice.bottom <= Math.min(frame.bottom, innerHeight) && list.scrollWidth <= list.clientWidth;
 }"""
-"""Whether the advice of the first entry is in sight as a whole."""
+"""Whether the advice of the first entry is in sight as a whole, and nothing is cut off at the side."""
 
 
 async def nena_status(url: str) -> tuple[int, list[dict[str, Any]]]:
