@@ -157,7 +157,8 @@ class Simulation:
             decided = list(self.traffic.decide(self._movable))
             self.evasions += sum(isinstance(each, Relocation) for each in decided)
             ending = {each.vehicle for each in decided if isinstance(each, EarlyEnd)}
-            for name in ending.union(self.traffic.stuck_vehicles(self._movable, no_vehicle)):
+            ending |= {*self.traffic.stuck_vehicles(self._movable, no_vehicle)}
+            for name in ending:
                 self._end_way_here(name)
             if not ending:
                 return

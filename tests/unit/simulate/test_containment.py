@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import pytest
 
-from bench.halls import APART_MM, Hall, Sketch
+from bench.halls import APART_MM, Hall, Sketch, two_halls
 from nena_simulate.demand import Demand
 from nena_simulate.simulation import observe
-from nena_simulate.site import Case, Disturbances
+from nena_simulate.site import Case, Disturbances, Site
+from nena_simulate.virtual_time import VirtualClock, run
 
 STOPPED_AT, STOPPED_FOR = 30.0, 240.0
 
@@ -52,3 +55,31 @@ def test_orders_go_on_around_a_stopped_robot() -> None:
 
     meanwhile = [at for at in finishes if at > STOPPED_AT + 60]
     assert len(meanwhile) > 10, "none was finished when robots queued behind it"
+
+
+@pytest.mark.simulation
+def test_robots_do_not_pile_up_behind_a_robot_that_is_stopped_in_a_door() -> None:
+    """There were 23 behind it, now 6; in each hall there are orders that do not lead through the door."""
+    case = Case(
+        plant=two_halls().plant,
+        demand=Demand(backlog=26),
+        robots=52,
+        hours=150 / 3600,
+        speed=1.5,
+        disturbances=Disturbances(dead=(60, STOPPED_FOR), dead_at=("A02-05", "B02-00")),
+    )
+
+    async def serve(clock: VirtualClock) -> Site:
+        site = Site(case, clock)
+        await site.run(case.hours * 3600, lambda: asyncio.sleep(0))
+        return site
+
+    traffic = run(serve).engine.traffic
+    behind = set(traffic._stopped)
+    assert len(behind) == 1
+    waiting = {
+        name: why.vehicles for name in traffic.scheduler.vehicle_names if (why := traffic.refusal_of(name))
+    }
+    while more := {name for name in waiting if not behind.isdisjoint(waiting[name])} - behind:
+        behind |= more
+    assert len(behind) <= 20

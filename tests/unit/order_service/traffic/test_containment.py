@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from nena_order_service.routing.router import Router
-from nena_order_service.traffic.manager import RouteGrant, TrafficManager
+from nena_order_service.traffic.manager import EarlyEnd, RouteGrant, TrafficManager
+from nena_order_service.traffic.relocation import Relocation
 from nena_order_service.traffic.resources import Found
 from nena_order_service.traffic.route_search import RouteRequest
 from nena_shared.plant import PlantModel
@@ -112,6 +113,28 @@ def test_a_robot_under_way_waits_where_it_is_and_gets_any_other_route() -> None:
 
     assert around
     assert around.points == ("B", "K", "L", "E", "F")
+
+
+def test_a_route_through_a_stopped_robot_ends_where_the_vehicle_is_and_others_may_send_it_away() -> None:
+    """It has nothing to wait for on its way: there it would only stop those that have one."""
+    scene = hall("G Z", w="A", y="G", parked="Z")
+    assert scene.request("w", "F")
+    scene.manager.allocate("w", 2)
+    scene.manager.note_arrival("w", 2)
+    scene.manager.allocate("w", 1)  # it stands on C, and s holds D
+    scene.stop("s")
+    assert EarlyEnd("w") in list(scene.manager.decide(lambda _: False))
+    scene.manager.shorten_route("w")
+    scene.manager.finish_route("w")
+    assert scene.request("w", "F") == ()
+    scene.manager.update_position("x", Found("B", on_point=True), BOX)
+    scene.manager.request_route(RouteRequest("y", "Z"))  # it waits, too, and has the right of way before x
+    scene.manager.request_route(RouteRequest("x", "C"))
+
+    decided = scene.manager.decide(lambda name: name != "parked" and not scene.manager.route_of(name))
+
+    sent = {each.vehicle: each.route.points for each in decided if isinstance(each, Relocation)}
+    assert sent == {"w": ("C", "H")}
 
 
 def test_the_right_of_way_is_not_for_those_who_wait_for_a_stopped_robot() -> None:

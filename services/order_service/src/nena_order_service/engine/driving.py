@@ -125,8 +125,8 @@ class Pauses:
     """Vehicles that are paused with an order until they can continue.
 
     The order is on hold or will be retried later, a device executes an operation after the last movement,
-    the vehicle is not localised, or locked paths close its route. A paused vehicle stays where it is: it is
-    not sent away to make room.
+    the vehicle is not localised, or locked paths close its route. A paused vehicle stays where it is; only
+    one that is locked out makes room, or orders that have a way would wait for the path, too.
     """
 
     def __init__(self, context: Context, peripherals: Peripherals) -> None:
@@ -134,6 +134,9 @@ class Pauses:
         self._peripherals = peripherals
         self._orders = context.state.orders
         self._order_numbers = context.state.pauses
+        self._locked_out: dict[str, tuple[tuple[int, str, int], Reason | None]] = {}
+        """By vehicle: which lock closes its route; a search takes milliseconds, and the key says how long it
+        holds."""
 
     def __contains__(self, vehicle: str) -> bool:
         """Return whether the vehicle of this name is paused."""
@@ -146,10 +149,16 @@ class Pauses:
     def begin(self, vehicle: FleetVehicle, order: TransportOrder) -> None:
         """Pause a vehicle with its order until :meth:`end`."""
         self._order_numbers[vehicle.name] = order.number
+        self._locked_out.pop(vehicle.name, None)
 
     def end(self, vehicle: str) -> None:
         """End the pause of the vehicle of this name."""
         self._order_numbers.pop(vehicle, None)
+        self._locked_out.pop(vehicle, None)
+
+    def is_locked_out(self, vehicle: str) -> bool:
+        """Return whether a vehicle is only paused because locked paths close its route."""
+        return self._locked_out.get(vehicle, (None, None))[1] is not None
 
     def is_over(self, vehicle: FleetVehicle) -> bool:
         """Return whether a vehicle can continue with its order."""
@@ -179,7 +188,12 @@ class Pauses:
             is_away = view.state is None or view.link is not LinkStatus.ONLINE
             away = Reason(R.ROBOT, view.availability.reason)
             return away if is_away else with_received(error.reason, view.substituted)
-        return self._context.planner.locked_out(order, vehicle, standing)
+        key = order.number, standing.point, self._context.finder.lock_changes
+        known = self._locked_out.get(vehicle.name)
+        if known is None or known[0] != key:
+            known = key, self._context.planner.locked_out(order, vehicle, standing)
+            self._locked_out[vehicle.name] = known
+        return known[1]
 
 
 class Mobility:
@@ -199,12 +213,13 @@ class Mobility:
     def can_move(self, name: str) -> bool:
         """Return whether a vehicle at rest could drive away now."""
         vehicle = self._context.registry.named(name)
-        if vehicle is None or vehicle.obstacle or name in self._pauses:
+        locked_out = self._pauses.is_locked_out(name)
+        if vehicle is None or vehicle.obstacle or (name in self._pauses and not locked_out):
             return False
         needs_to_drive = vehicle.key in self._context.state.drives.requested
         # A vehicle that was taken out because its orders failed shows by making room whether it drives again.
         taken_out = bool(self._context.state.vehicles.of(vehicle.key).taken_out)
-        if self._positions.obstacle_of(vehicle, working=needs_to_drive or taken_out):
+        if self._positions.obstacle_of(vehicle, working=needs_to_drive or taken_out or locked_out):
             return False
         if self._traffic.route_of(name) or not self._positions.is_located(vehicle):
             return False
@@ -215,7 +230,7 @@ class Mobility:
     def is_lost(self, name: str) -> bool:
         """Return whether it is unknown when a vehicle at rest could drive away."""
         vehicle = self._context.registry.named(name)
-        if vehicle is None or name in self._pauses:
+        if vehicle is None or (name in self._pauses and not self._pauses.is_locked_out(name)):
             return True
         if self._context.view(vehicle).link is not LinkStatus.ONLINE:
             return True

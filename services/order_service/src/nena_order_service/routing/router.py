@@ -278,6 +278,8 @@ class RouteFinder:
         self.router = router
         self._without_host_locks = without_host_locks or router
         self._locks: Mapping[str, bool] = {}
+        self.lock_changes = 0
+        """How often locks have been set: what was found with earlier ones may no longer hold."""
         self._unroutable: dict[tuple[object, frozenset[str]], Reason | None] = {}
         """By destinations and resources to avoid: why no vehicle could reach them; None: one could."""
         self.planning = Histogram(SHORT)
@@ -291,6 +293,7 @@ class RouteFinder:
         # As in openTCS, a lock set by a host closes a path for now; an order is not dismissed for it.
         self._without_host_locks.set_locks({path: locked for path, locked in locks.items() if not locked})
         self._unroutable.clear()
+        self.lock_changes += 1
         self._locks = {**locks, **dict.fromkeys(closed, True)}
         self.router.set_locks(self._locks)
 

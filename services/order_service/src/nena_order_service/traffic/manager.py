@@ -11,14 +11,16 @@ claims what and when; they guarantee that every request is eventually granted:
 3. **Right of way.** The oldest vehicle that has to wait reserves its next section: no other may claim a way
    that ends there. The section therefore becomes free, however many younger requests there are.
 4. **Relocation.** Vehicles that rest on the route of another are sent to a free point (:mod:`.relocation`).
-   A vehicle with its own request is only sent away for the right of way, or if it waits for itself.
+   A vehicle with its own request is only sent away for the right of way, or if it waits for itself or for
+   a stuck one.
 5. **Letting out.** A vehicle that was relocated for one that it enclosed does not return before that one has
    left. Without this rule, the two would move back and forth forever.
 6. **Detours.** A route avoids points and paths with much traffic, and leads around vehicles at rest if that
    is not much longer. A vehicle that waits in traffic gets another route if that is cheaper, unless it
    has the right of way: then others are relocated from its present one.
 7. **Containment.** Vehicles that wait behind a stopped one are *stuck* with it. Until it drives on, no other
-   one begins or continues a route through them, except a detour, and they claim nothing.
+   one begins or continues a route through them, except a detour, and they claim nothing. Routes through them
+   end where the vehicles are, and any other vehicle may send those away.
 
 A *way* is a route as resource sets in driving order: what the vehicle needs to reach each point.
 """
@@ -472,6 +474,7 @@ class TrafficManager:
             blocked_at_rest = refusal.reason is WaitReason.RESTING
             # Nobody knows when such a vehicle moves on: a right of way for its sake would block all others.
             if self._is_long_wait(refusal, lost):
+                yield from self._end_cut_off(vehicle)
                 continue
             if under_way and not self.scheduler.occupant(vehicle).resting:
                 continue  # it still drives on the resources that it holds
@@ -538,6 +541,16 @@ class TrafficManager:
         """Return whether it is unknown when a vehicle for which another one waits drives on."""
         at_rest = refusal.reason is WaitReason.RESTING
         return any(name in self._stuck or (at_rest and lost(name)) for name in refusal.vehicles)
+
+    def _is_cut_off(self, vehicle: str) -> bool:
+        """Return whether a vehicle waits for a stuck one: it has no way, and may be sent anywhere."""
+        refusal = self._refusals.get(vehicle)
+        return refusal is not None and not self._stuck.isdisjoint(refusal.vehicles)
+
+    def _end_cut_off(self, vehicle: str) -> Iterator[EarlyEnd]:
+        """End the route of a vehicle under way that waits for a stuck one."""
+        if vehicle in self._routes and self._is_cut_off(vehicle):
+            yield EarlyEnd(vehicle)
 
     def _with_distance(self, refusal: Refusal, last: Refusal | None) -> Refusal:
         """Return a refusal with the distance that the other vehicle would have to turn back.
@@ -769,16 +782,18 @@ class TrafficManager:
     ) -> Iterator[Relocation | EarlyEnd]:
         """Relocate vehicles that rest on the requester's way, and end the routes of those that wait on it.
 
-        A vehicle with its own request is only relocated for the right of way, or if it waits for itself
-        through others and would never leave. The route of a vehicle under way that encloses one that has to
-        be relocated ends if no other vehicle could be relocated.
+        A vehicle with its own request is only relocated for the right of way, or if it is cut off, or waits
+        for itself through others and would never leave. The route of a vehicle under way that encloses one
+        that has to be relocated ends if no other vehicle could be relocated.
         """
         has_right_of_way = right_of_way.vehicle == requester
 
         def may_be_sent(name: str) -> bool:
             if not movable(name) or name in self._routes:
                 return False
-            return name not in self._requests or has_right_of_way or self._waits_for_itself(name)
+            if name not in self._requests or has_right_of_way or self._is_cut_off(name):
+                return True
+            return self._waits_for_itself(name)
 
         blockers = refused.refusal.vehicles
         under_way = [name for name in blockers if name in self._routes]

@@ -16,6 +16,11 @@ from nena_shared.plant_terms import PointType
 CANDIDATES_TRIED = 8
 """Maximum number of free points tried for a vehicle that is relocated; the nearest ones are the best."""
 
+WAYS_KEPT = 100
+"""Maximum number of ways remembered for a vehicle at rest."""
+
+_Way = tuple[Route, list[ResourceSet]]
+
 VehicleTest = Callable[[str], bool]
 """A condition on the vehicle with this name."""
 
@@ -51,6 +56,8 @@ class Relocator:
         self._resources = resources
         self._scheduler = scheduler
         self._routes = routes
+        self._ways: dict[str, tuple[ResourceSet, ResourceSet | None, dict[int, _Way]]] = {}
+        """By vehicle: where it rests, and its ways from there by their routes, which are tried very often."""
 
     def relocate(
         self,
@@ -117,7 +124,13 @@ class Relocator:
 
     def _resources_of(self, vehicle: str, route: Route) -> list[ResourceSet]:
         occupant = self._scheduler.occupant(vehicle)
-        return self._resources.for_route(route.steps, start=occupant.held[-1], entry=occupant.entry)
+        start, entry = occupant.held[-1], occupant.entry
+        known = self._ways.get(vehicle)
+        if known is None or known[0] is not start or known[1] is not entry or len(known[2]) == WAYS_KEPT:
+            known = self._ways[vehicle] = start, entry, {}
+        if id(route) not in known[2]:
+            known[2][id(route)] = route, self._resources.for_route(route.steps, start=start, entry=entry)
+        return known[2][id(route)][1]
 
     def _route_around(self, vehicle: str, way: Sequence[ResourceSet], place: str) -> Route | None:
         """Return a route around the vehicles that rest on ``way``; None if there are none, or no route."""
