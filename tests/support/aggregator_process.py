@@ -56,7 +56,10 @@ class AggregatorProcess:
 
     async def logged(self, event: str) -> dict[str, Any]:
         """Wait for the first log line of one event."""
-        found = await until(lambda: self.events(event), what=f"log event '{event}': {self.output}")
+        found = await until(
+            lambda: self.events(event),
+            what=lambda: f"log event '{event}' (exit status {self.process.poll()}): {self.output}",
+        )
         return found[0]
 
     async def url(self) -> str:

@@ -54,15 +54,26 @@ export class Trials extends EventTarget {
     this.#waiting += 1;
     const start = async () => {
       await this.page.flush();
-      if (request.program === "CHECK") this.#due = false;
-      await command(["plantDrafts", this.page.name, "run"], request);
-      return this.#follow();
+      // first: a reload shows the figures only of the program that ran last
+      if (this.#due && request.program === "SIMULATE") await this.#perform({ program: "CHECK", ...this.#checked }).catch(() => null);
+      return this.#perform(request);
     };
     const done = this.#last.then(start);
     this.#last = done.catch(() => null).then(() => {
       this.#waiting -= 1;
       this.#settle();
     });
+    return done;
+  }
+
+  async #perform(request) {
+    if (request.program === "CHECK") this.#due = false;
+    await command(["plantDrafts", this.page.name, "run"], request);
+    const done = await this.#follow();
+    if (request.program === "CHECK") {
+      this.findings = done.findings.filter(({ code }) => code === CLOSE);
+      this.dispatchEvent(new Event("findings"));
+    }
     return done;
   }
 
@@ -132,9 +143,7 @@ export class Trials extends EventTarget {
 
   async #check(robot) {
     this.#checked = robot;
-    const { findings } = await this.#run({ program: "CHECK", ...robot });
-    this.findings = findings.filter(({ code }) => code === CLOSE);
-    this.dispatchEvent(new Event("findings"));
+    await this.#run({ program: "CHECK", ...robot });
     return ["plant.checked", {}];
   }
 
