@@ -16,6 +16,7 @@ from nena_shared.tasks import failure_listeners
 from support.broker import MOUNT_POINT, Broker, BrokerAddress, mosquitto
 from support.brokers import Nats, RabbitMq
 from support.postgres import Postgres
+from support.programs import as_from_a_terminal
 from support.published import Publications, watched
 from support.waiting import PATIENCE
 
@@ -48,6 +49,11 @@ MARKED_BY = {
     "postgres_server": "postgres",
 }
 """Marks by the fixtures that a test asks for, so that ``make test-unit`` leaves out what needs a server."""
+
+
+def pytest_configure() -> None:
+    """Make programs start as from a terminal, also where the tests were started in another way."""
+    as_from_a_terminal()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

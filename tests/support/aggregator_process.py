@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from support.programs import require_no_failures
+from support.programs import require_no_failures, what_of
 from support.waiting import PATIENCE, until
 
 END_WITHIN = PATIENCE
@@ -58,7 +58,7 @@ class AggregatorProcess:
         """Wait for the first log line of one event."""
         found = await until(
             lambda: self.events(event),
-            what=lambda: f"log event '{event}' (exit status {self.process.poll()}): {self.output}",
+            what=lambda: f"log event '{event}' ({what_of(self.process)}): {self.output}",
         )
         return found[0]
 

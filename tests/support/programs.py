@@ -36,6 +36,27 @@ SURVIVED = (
 """Log events of failures after which a service continues; the first line of each."""
 
 
+def as_from_a_terminal() -> None:
+    """Let programs that tests start end at SIGINT, and keep what Python compiles of them.
+
+    A shell without job control has commands behind ``&`` ignore SIGINT, and programs inherit that. Modules
+    that are compiled at each start take more of the CPU than the start itself.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+
+def what_of(process: subprocess.Popen[bytes]) -> str:
+    """Tell a program that hangs from one that got no CPU, and from one that has ended."""
+    if process.poll() is not None:
+        return f"exit status {process.returncode}"
+    running = psutil.Process(process.pid)
+    return (
+        f"runs: {running.status()}, {running.num_threads()} threads, CPU {sum(running.cpu_times()[:2]):.1f} s"
+    )
+
+
 def require_no_failures(log: str) -> None:
     """Fail if a service has survived a failure, which only its log tells."""
     assert not (found := [line for line in log.splitlines() if any(event in line for event in SURVIVED)]), (
@@ -77,7 +98,9 @@ class Program:
         try:
             self.process.wait(ENDED_WITHIN)
         except subprocess.TimeoutExpired:
+            state = what_of(self.process)
             self.kill()
+            assert kind is not None, f"did not end at SIGINT; {state}; its log:\n{self.log[-LOG_SHOWN:]}"
         if kind is None:
             require_no_failures(self.log)
 
@@ -104,7 +127,10 @@ class Program:
             assert match or self.process.poll() is None, f"the program has ended:\n{self.log}"
             return match
 
-        return await until(found, what=f"{pattern} in the log of {self.process.args!r}")
+        return await until(
+            found,
+            what=lambda: f"{pattern} in the log of {self.process.args!r}, which {what_of(self.process)}",
+        )
 
 
 class OrderServiceProgram(Program):
