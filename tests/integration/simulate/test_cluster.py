@@ -14,7 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from bench.halls import two_halls
-from nena_simulate.__main__ import app
+from nena_simulate.command import app
 from support.broker import free_port
 from support.waiting import PATIENCE
 
@@ -92,7 +92,7 @@ def test_a_killed_worker_costs_no_result(
                 workers[0].kill()
             told.append(text)
 
-        monkeypatch.setattr("nena_simulate.__main__._tell_progress", tell)
+        monkeypatch.setattr("nena_simulate.command._tell_progress", tell)
         found = simulated(plant, tmp_path / "cluster.json", "--on", address)
         assert workers[1].poll() is None
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from bench.halls import two_halls
 from nena_cli.__main__ import app as nena
-from nena_simulate.__main__ import app
+from nena_simulate.command import app
 
 SHORT = ("--hours", "0.02", "--warm-up", "0.2", "--speed", "3", "--work", "2")
 
@@ -38,11 +38,49 @@ def test_fleet_sizes_side_by_side_in_every_form(plant: Path, tmp_path: Path) -> 
     assert pictures == ["waiting-2.svg", "waiting-4.svg"]
 
 
-def test_nena_passes_its_arguments_on(plant: Path) -> None:
-    result = CliRunner().invoke(nena, ["simulate", str(plant), "--robots", "none"])
+def test_nena_passes_its_arguments_on_to_a_process_whose_sets_have_a_fixed_order(
+    plant: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[str] = []
 
+    def execve(_: str, command: list[str], environment: dict[str, str]) -> None:
+        begun.extend([environment["PYTHONHASHSEED"], *command[1:]])
+        raise SystemExit(3)  # it never returns
+
+    monkeypatch.setattr("os.execve", execve)
+    monkeypatch.delenv("PYTHONHASHSEED", raising=False)
+    arguments = [str(plant), "--robots", "none"]
+
+    assert CliRunner().invoke(nena, ["simulate", *arguments]).exit_code == 3
+    assert begun == ["0", "-m", "nena_simulate", *arguments]
+
+    monkeypatch.setenv("PYTHONHASHSEED", "0")
+    result = CliRunner().invoke(nena, ["simulate", *arguments])
     assert result.exit_code == 2
     assert "'none' is not a list of fleet sizes" in result.output
+
+
+@pytest.mark.simulation
+@pytest.mark.long
+def test_a_single_run_needs_no_other_process(plant: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("nena_simulate.sweep.observe_apart", lambda _: pytest.fail("another process"))
+
+    result = CliRunner().invoke(app, [str(plant), "--robots", "2", *SHORT])
+
+    assert result.exit_code == 0, result.output
+    assert "1 of 1 done" in result.output
+
+
+def test_an_interrupted_single_run_is_named(plant: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("nena_simulate.sweep.observe", interrupt)
+
+    result = CliRunner().invoke(app, [str(plant), "--robots", "2", *SHORT])
+
+    assert result.exit_code == 1
+    assert "interrupted with 0 of 1 runs done" in result.output
 
 
 @pytest.mark.parametrize("text", ["no plant", '{"name": "empty"}'])

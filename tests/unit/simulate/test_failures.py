@@ -15,7 +15,7 @@ from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.controller import FleetController
 from nena_order_service.fleet.link import FleetLink
 from nena_shared.tasks import Supervisor, forever
-from nena_simulate.__main__ import app
+from nena_simulate.command import app
 from nena_simulate.demand import Demand
 from nena_simulate.simulation import simulate
 from nena_simulate.site import Case
@@ -99,7 +99,7 @@ def test_the_command_reports_the_failure(tmp_path: Path, monkeypatch: pytest.Mon
     def simulate_all(*_: object, **__: object) -> None:
         raise SimulationFailedError("task 'engine' has ended: RuntimeError('why')")
 
-    monkeypatch.setattr("nena_simulate.__main__.simulate_all", simulate_all)
+    monkeypatch.setattr("nena_simulate.command.simulate_all", simulate_all)
 
     result = CliRunner().invoke(app, [str(plant)])
 

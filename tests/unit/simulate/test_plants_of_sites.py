@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from nena_plant_formats.files import read
 from nena_shared.fleet_api.transport_order import Destination, TransportOrderRequest
 from nena_shared.plant import PlantModel
-from nena_simulate.__main__ import app
+from nena_simulate.command import app
 from nena_simulate.demand import Demand, Order
 from nena_simulate.report import Figures, Report
 from nena_simulate.simulation import simulate

@@ -8,11 +8,11 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from importlib.metadata import version
 from threading import Thread
-from typing import IO, cast
+from typing import IO, Any, cast
 
 from nena_shared import log
 from nena_shared.settings import LogSettings
@@ -55,10 +55,11 @@ def simulate_all(
     for case in cases:
         check(case)
     runs = [(number, one) for number, case in enumerate(cases) for one in case.runs(seeds, parts)]
-    futures = {executor.submit(observe_apart, one): (number, one) for number, one in runs}
+    futures: dict[Future[Observed | Exception], tuple[int, Case]] = {}
     found: dict[int, dict[int, Observed]] = {number: {} for number in range(len(cases))}
     missing: list[str] = []
     try:
+        futures.update((executor.submit(observe_apart, one), (number, one)) for number, one in runs)
         for done, future in enumerate(as_completed(futures), 1):
             number, one = futures[future]
             name = f"{one.plant.name}, {one.robots} robots, seed {one.seed}"
@@ -85,13 +86,18 @@ def simulate_all(
 
 
 @contextmanager
-def executor_for(address: str | None, jobs: int) -> Iterator[Executor]:
+def executor_for(address: str | None, jobs: int, *, runs: int = 0) -> Iterator[Executor]:
     """Yield what runs cases: ``jobs`` at a time here, or as many as a Dask cluster's workers have threads.
+
+    If there is only one run, it needs no process of its own, whose start takes two seconds.
 
     Raises:
         ClusterError: Dask is not installed, the address does not answer, or no worker can run cases.
 
     """
+    if address is None and runs == 1:
+        yield _Here()
+        return
     if address is None:
         pool = ThreadPoolExecutor(jobs)  # each thread waits for the process of a case
         try:
@@ -139,6 +145,16 @@ def installed_version() -> str:
     return version("nena-simulate")
 
 
+class _Here(Executor):
+    """Runs cases at once, in this process."""
+
+    def submit(self, _apart: object, /, case: Case) -> Future[Any]:  # type: ignore[override]
+        """Run a case; return what was observed."""
+        future: Future[Any] = Future()
+        future.set_result(_observe(case))
+        return future
+
+
 def observe_apart(case: Case) -> Observed | Exception:
     """Run a case in a process of its own, whose sets have the same order each time.
 
@@ -168,7 +184,6 @@ def observe_apart(case: Case) -> Observed | Exception:
 def _observe_case_of_stdin() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     answers, sys.stdout = sys.stdout.buffer, sys.stderr  # whatever is printed is no answer
-    log.configure(LogSettings(level="error"))
     case = pickle.load(sys.stdin.buffer)  # noqa: S301  # nosec B301 - from the process that started this one
 
     def wait_for_end() -> None:
@@ -176,12 +191,16 @@ def _observe_case_of_stdin() -> None:
         os._exit(1)
 
     Thread(target=wait_for_end, daemon=True).start()
-    try:
-        result: Observed | Exception = observe(case)
-    except Exception as error:  # noqa: BLE001 - raised again where the result is read
-        result = error
-    answers.write(pickle.dumps(result))
+    answers.write(pickle.dumps(_observe(case)))
     answers.flush()
+
+
+def _observe(case: Case) -> Observed | Exception:
+    log.configure(LogSettings(level="error"))
+    try:
+        return observe(case)
+    except Exception as error:  # noqa: BLE001 - raised again where the result is read
+        return error
 
 
 if __name__ == "__main__":
