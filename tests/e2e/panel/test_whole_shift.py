@@ -272,7 +272,7 @@ async def the_shift_is_replayed(shift: Shift) -> None:
     page, say = shift.page, shift.say
     history = (await shift.page.request.get(f"{page.url.partition('#')[0]}api/v1/history?code=jam")).json
     (first, *_) = reversed((await history())["entries"])
-    await page.get_by_role("link", name=say("history.title"), exact=True).click()
+    await page.get_by_role("link", name=say("order.history"), exact=True).click()
     await expect(page.get_by_role("button", name=say("history.play"), exact=True)).to_be_enabled()
     await page.evaluate(f"({SLIDE})(Date.parse('{first['time']}') + 200)")
     jams = "document.querySelector('nena-fleet-map').replayed.robots.filter(({ jam }) => jam).length"

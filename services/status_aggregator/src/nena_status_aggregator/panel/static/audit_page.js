@@ -129,7 +129,7 @@ function parsed(text) {
 
 // Names of fields that the panel has words for; others are shown in the words of their English names.
 const FIELDS = {
-  by: "stops.by", deadline: "orders.deadline", destinations: "orders.destinations", heldBy: "order.held", integrationLevel: "integration.title", intendedVehicle: "orders.vehicle",
+  by: "stops.by", deadline: "orders.deadline", destinations: "orders.destinations", heldBy: "state.HELD", integrationLevel: "integration.title", intendedVehicle: "orders.vehicle",
   locked: "plant.locked", priority: "orders.priority", reason: "stops.reason", state: "orders.state", type: "orders.type", vehicle: "orders.vehicle",
 };
 

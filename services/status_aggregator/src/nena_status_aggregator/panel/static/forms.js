@@ -93,7 +93,7 @@ export class PlaceFields {
     this.operation = select([], { name: "operation" });
     this.place.addEventListener("change", () => this.#showOperations());
     const pick = button(t("form.pick"), () => emit("placepick", { take: (name) => this.#choose(name), done: () => pick.focus() }));
-    this.element = element("div", { class: "fields" }, field(t("form.place"), this.place), field(t("form.operation"), this.operation), pick);
+    this.element = element("div", { class: "fields" }, field(t("robots.place"), this.place), field(t("form.operation"), this.operation), pick);
     this.place.value = destination.locationName ?? "";
     this.#showOperations();
     if (destination.operation) this.operation.value = destination.operation;
@@ -178,8 +178,8 @@ function placeOptions(model) {
   const names = (things) => (things ?? []).map((each) => each.name).sort(byName).map((name) => [name, name, true]);
   return [
     ["", t("form.choose")],
-    { group: t("form.locations"), options: names(model?.locations) },
-    { group: t("form.points"), options: names(model?.points) },
+    { group: t("layer.locations"), options: names(model?.locations) },
+    { group: t("layer.points"), options: names(model?.points) },
   ];
 }
 

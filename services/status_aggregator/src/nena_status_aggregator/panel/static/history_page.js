@@ -73,7 +73,7 @@ class HistoryPage extends HTMLElement {
     this.range.addEventListener("change", () => this.#choose());
     for (const input of [this.from, this.to]) input.addEventListener("change", () => this.#loadTyped());
     this.slider.addEventListener("input", () => this.#moved());
-    const heading = element("h2", { tabindex: -1 }, t("history.title"));
+    const heading = element("h2", { tabindex: -1 }, t("order.history"));
     const head = element("header", { class: "head" }, backLink(), heading);
     const times = Object.entries({ range: this.range, from: this.from, to: this.to, speedLabel: this.speed });
     const choices = element("div", { class: "fields" }, ...times.map(([name, control]) => field(t(`history.${name}`), control)), this.play, this.clock);
@@ -110,7 +110,7 @@ class HistoryPage extends HTMLElement {
   }
 
   #filters(linked) {
-    const all = ["", t("history.all")];
+    const all = ["", t("audit.all")];
     const kinds = CODES.map((code) => [code, t(`eventLog.${code}`)]);
     const made = {
       robot: select(this.#robotOptions(linked.get("robot"))),
@@ -128,7 +128,7 @@ class HistoryPage extends HTMLElement {
   #robotOptions(chosen) {
     const robots = [...this.fleet.store.robots.values()].sort((a, b) => byName(a.name, b.name)).map(({ id, name }) => [id, name, true]);
     const known = !chosen || robots.some(([id]) => id === chosen) ? [] : [[chosen, chosen, true]];
-    return [["", t("history.all")], ...known, ...robots];
+    return [["", t("audit.all")], ...known, ...robots];
   }
 
   // The page may be opened before the robots are known.
@@ -196,7 +196,7 @@ class HistoryPage extends HTMLElement {
     this.#stop();
     this.#loading.abort();
     const { signal } = (this.#loading = new AbortController());
-    setText(this.note, t("history.loading"));
+    setText(this.note, t("audit.loading"));
     this.from.value = fieldTime(range.since);
     this.to.value = fieldTime(range.until + MINUTE - 1); // the latest events stay in the range if only its start is changed
     this.loaded = range;
@@ -309,7 +309,7 @@ class HistoryPage extends HTMLElement {
 
   #start() {
     if (Number(this.slider.value) >= Number(this.slider.max)) this.slider.value = this.slider.min;
-    setText(this.play, t("history.pause"));
+    setText(this.play, t("command.pause"));
     let frames = 0;
     this.#playing = setInterval(() => {
       this.slider.value = Number(this.slider.value) + FRAME * Number(this.speed.value);

@@ -114,7 +114,7 @@ export class OrderCommands {
       Object.assign(before, now);
       return ["done.changed", { name: this.name }];
     };
-    const fields = element("div", { class: "fields" }, field(t("form.priority"), priority), field(t("orderForm.vehicle"), vehicle), field(t("orderForm.deadline"), deadline), field(t("order.timeoutMinutes"), limit));
+    const fields = element("div", { class: "fields" }, field(t("form.priority"), priority), field(t("orders.vehicle"), vehicle), field(t("orders.deadline"), deadline), field(t("order.timeoutMinutes"), limit));
     this.place.replaceChildren(commandForm({ label: t("order.changeTitle", { name: this.name }), submit: t("order.save"), fields: [fields], send }));
     priority.focus();
   }

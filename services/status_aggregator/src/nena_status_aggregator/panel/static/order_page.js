@@ -48,8 +48,8 @@ class OrderPage extends HTMLElement {
       {},
       section("why.orderTitle", this.why),
       section("robot.commands", this.commands.element),
-      section("order.stops", this.progress.box, this.stops),
-      section("robot.facts", this.facts),
+      section("orders.destinations", this.progress.box, this.stops),
+      section("map.menu.page", this.facts),
     );
     this.replaceChildren(head, this.gone, this.body, section("order.history", this.history));
     this.#update();
@@ -136,12 +136,12 @@ function factsOf(order) {
   return [
     ["orders.vehicle", vehicle && (() => verbatim("dd", vehicle))],
     ["form.priority", words(number(order.priority))],
-    ["order.held", order.held && (() => heldBy(order.held))],
-    ["order.type", order.type !== "-" && (() => verbatim("dd", order.type))],
-    ["order.deadline", order.deadline && moment(order.deadline)],
-    ["order.created", moment(order.created)],
+    ["state.HELD", order.held && (() => heldBy(order.held))],
+    ["orders.type", order.type !== "-" && (() => verbatim("dd", order.type))],
+    ["orders.deadline", order.deadline && moment(order.deadline)],
+    ["event.nena:orderCreated", moment(order.created)],
     ["order.createdBy", order.automatic ? words(t("order.byItself")) : order.createdBy && (() => verbatim("dd", nameOfHolder(order.createdBy)))],
-    ["order.finished", order.finished && moment(order.finished)],
+    ["event.nena:finalStateReached", order.finished && moment(order.finished)],
   ].filter(([, content]) => content);
 }
 
@@ -202,9 +202,9 @@ class OrderForm extends HTMLElement {
     const more = element(
       "div",
       { class: "fields" },
-      field(t("orderForm.vehicle"), this.vehicle),
+      field(t("orders.vehicle"), this.vehicle),
       field(t("form.priority"), this.priority),
-      field(t("orderForm.deadline"), this.deadline),
+      field(t("orders.deadline"), this.deadline),
       field(t("orderForm.name"), this.name),
     );
     return commandForm({

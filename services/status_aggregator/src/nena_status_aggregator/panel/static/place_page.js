@@ -151,7 +151,7 @@ class PlacePage extends HTMLElement {
     return commandForm({
       label: t("place.send"),
       submit: t("place.send"),
-      fields: [element("div", { class: "fields" }, field(t("orderForm.vehicle"), vehicle), field(t("form.operation"), what))],
+      fields: [element("div", { class: "fields" }, field(t("orders.vehicle"), vehicle), field(t("form.operation"), what))],
       send: async () => {
         const destinations = [{ locationName: this.#name, operation: what.value }];
         const order = await command(["transportOrders"], { destinations, idempotencyKey: key, ...(vehicle.value && { intendedVehicle: vehicle.value }) });

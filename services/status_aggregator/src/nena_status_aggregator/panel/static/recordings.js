@@ -64,7 +64,7 @@ class Recordings extends HTMLElement {
     const done = await run(this.fetchButton, this.result, async () => {
       if (this.#ofOrderService) {
         ({ name } = await command(["recordings"], {}));
-        return ["done.recording", { name: t("history.orderService") }, verbatim("span", name)];
+        return ["done.recording", { name: t("order.byItself") }, verbatim("span", name)];
       }
       const vehicle = this.store.robots.get(this.robotId)?.vehicle?.name;
       const answer = await command(["vehicles", vehicle, "instantActions"], { actionType: FETCH });

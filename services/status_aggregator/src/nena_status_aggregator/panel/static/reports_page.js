@@ -88,7 +88,7 @@ class ReportsPage extends HTMLElement {
     this.results.replaceChildren();
     this.files.replaceChildren();
     const problem = problemOf(since, until);
-    setText(this.note, t(problem ?? "reports.loading"));
+    setText(this.note, t(problem ?? "audit.loading"));
     if (problem) return;
     const range = { from: new Date(since).toISOString(), to: new Date(until).toISOString() };
     setParameters(range);
@@ -98,7 +98,7 @@ class ReportsPage extends HTMLElement {
     if (signal.aborted) return;
     if (answer?.status === NO_HISTORY) return setText(this.note, t("history.none"));
     if (!answer?.ok || !body) {
-      this.note.replaceChildren(t("reports.unavailable"), " ", foreign("span", body?.detail));
+      this.note.replaceChildren(t("audit.failed"), " ", foreign("span", body?.detail));
       return;
     }
     this.files.replaceChildren(...["", ".csv"].map((form) => download(form, query)));
@@ -165,7 +165,7 @@ function problemOf(since, until) {
 }
 
 function notesOn({ recordedSince, recordedSeconds, until, missing }, since) {
-  if (!recordedSince) return [t("reports.nothing")];
+  if (!recordedSince) return [t("history.empty")];
   const begin = Date.parse(recordedSince);
   const lost = (Date.parse(until) - begin) / 1000 - recordedSeconds;
   return [

@@ -88,7 +88,7 @@ function positionForm(vehicle, position) {
   const pose = new PoseFields({ headingRequired: true });
   const form = commandForm({
     label: t("position.title"),
-    submit: t("position.send"),
+    submit: t("position.title"),
     fields: [element("p", { class: "hint" }, t("position.hint")), pose.element],
     send: async () => {
       const body = { actionType: "initializePosition", pose: pose.pose };
@@ -111,7 +111,7 @@ function sessionForm(vehicle, { namespace, domainId }) {
   const keep = element("input", { type: "checkbox", name: "keep" });
   return commandForm({
     label: t("session.title"),
-    submit: t("session.send"),
+    submit: t("integration.send"),
     fields: [
       element("p", { class: "hint" }, t("session.hint")),
       field(t("session.namespace"), space),

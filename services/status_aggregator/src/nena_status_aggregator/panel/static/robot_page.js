@@ -45,7 +45,7 @@ class RobotPage extends HTMLElement {
     this.facts = element("dl", { class: "facts" });
     this.progress = progressBar();
     this.route = element("ol", { class: "route" });
-    this.order = element("section", {}, element("h3", {}, t("robot.order")), this.progress.box, this.route);
+    this.order = element("section", {}, element("h3", {}, t("robots.order")), this.progress.box, this.route);
     this.errors = this.#section("robot.errors");
     this.actions = this.#section("robot.actions");
     this.goals = this.#section("robot.goals");
@@ -60,7 +60,7 @@ class RobotPage extends HTMLElement {
     const whySection = element("section", {}, this.whyTitle, this.why);
     const commandSection = element("section", {}, element("h3", {}, t("robot.commands")), this.commands);
     const recordingSection = element("section", {}, element("h3", {}, t("robot.recordings")), this.recordings);
-    const factSection = element("section", {}, element("h3", {}, t("robot.facts")), this.facts);
+    const factSection = element("section", {}, element("h3", {}, t("map.menu.page")), this.facts);
     this.body = element("div", {}, whySection, this.queueSection, commandSection, this.order, this.errors, this.actions, this.goals, factSection, recordingSection, this.deviations);
     this.replaceChildren(head, this.gone, this.body);
     this.commands.show(this.fleet, this.#id);
@@ -189,17 +189,17 @@ function factsOf(robot, now) {
   const { vx, vy } = robot.velocity ?? {};
   const speed = vx == null ? null : Math.hypot(vx, vy ?? 0);
   return [
-    ["fact.connection", t(`connection.${robot.connection ?? "NONE"}`)],
+    ["eventLog.connection", t(`connection.${robot.connection ?? "NONE"}`)],
     ["fact.session", t(`session.${robot.session}`)],
     ["fact.ros", robot.rosSession && t("fact.rosText", robot.rosSession), true],
-    ["fact.lastState", robot.lastState && t("orders.created", { age: age((now - Date.parse(robot.lastState)) / 1000) })],
-    ["fact.mode", robot.operatingMode && t(`mode.${robot.operatingMode}`)],
-    ["fact.position", at && t("map.position", { x: number(at.x, 2), y: number(at.y, 2) })],
+    ["robots.lastState", robot.lastState && t("orders.created", { age: age((now - Date.parse(robot.lastState)) / 1000) })],
+    ["eventLog.operatingMode", robot.operatingMode && t(`mode.${robot.operatingMode}`)],
+    ["eventLog.position", at && t("map.position", { x: number(at.x, 2), y: number(at.y, 2) })],
     ["fact.heading", at && degrees(at.theta)],
     ["fact.localized", at && t(at.localized ? "form.yes" : "form.no")],
     ["fact.speed", speed === null ? null : t("unit.speed", { value: number(speed, 2) })],
-    ["fact.battery", robot.battery && batteryText(robot.battery)],
-    ["fact.loads", robot.loads && loadsText(robot.loads), Boolean(robot.loads?.length)],
+    ["robots.battery", robot.battery && batteryText(robot.battery)],
+    ["eventLog.loads", robot.loads && loadsText(robot.loads), Boolean(robot.loads?.length)],
     ["fact.map", at?.mapId, true],
     ["fact.maps", robot.maps?.length && robot.maps.map(mapText).join(", "), true],
     ["fact.body", robot.body && t("fact.bodyText", { ...robot.body, length: number(robot.body.length, 2), width: number(robot.body.width, 2) })],

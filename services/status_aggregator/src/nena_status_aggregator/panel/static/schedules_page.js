@@ -93,7 +93,7 @@ class SchedulesPage extends HTMLElement {
   async #switch(name, enabled) {
     await command(["schedules", name, "enabled"], { enabled }, "PUT");
     await this.#load();
-    return [enabled ? "schedules.resumed" : "schedules.wasPaused", { name }];
+    return [enabled ? "done.resume" : "schedules.wasPaused", { name }];
   }
 
   #confirmDelete(name) {
@@ -116,8 +116,8 @@ class SchedulesPage extends HTMLElement {
     vehicle.value = kept.transportOrder.intendedVehicle ?? "";
     const priority = numberInput({ name: "priority", value: kept.transportOrder.priority ?? 0, min: -1000, max: 1000, step: 1 });
     const when = new WhenFields(kept);
-    const more = element("div", { class: "fields" }, field(t("orderForm.vehicle"), vehicle), field(t("form.priority"), priority));
-    this.#open(t(known ? "schedules.editOne" : "schedules.new", { name: known }), [field(t("schedules.name"), name), stops.element, more, when.element], t("schedules.save"), async () => {
+    const more = element("div", { class: "fields" }, field(t("orders.vehicle"), vehicle), field(t("form.priority"), priority));
+    this.#open(t(known ? "schedules.editOne" : "schedules.new", { name: known }), [field(t("schedules.name"), name), stops.element, more, when.element], t("order.save"), async () => {
       if (!known && this.names?.has(name.value)) throw new RefusedError({ detail: t("schedules.exists", { name: name.value }) });
       const order = { ...kept.transportOrder, destinations: stops.destinations, intendedVehicle: vehicle.value || null, priority: numberOf(priority) ?? 0 };
       await command(["schedules", name.value], { ...kept, ...when.definition, transportOrder: order }, "PUT");
