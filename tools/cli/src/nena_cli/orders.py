@@ -305,8 +305,7 @@ def _build_request(
 ) -> TransportOrderRequest:
     """Build a request from a file or from the options."""
     if (file is None) == (not fields["destinations"]):
-        message = "Specify stops or --file, not both" if file else "Specify stops or --file"
-        raise typer.BadParameter(message)
+        raise typer.BadParameter("Specify stops or --file, not both" if file else "Specify stops or --file")
     if file:
         refuse_beside_file([each for each in service.given if each not in ("--file", "--wait")])
     try:

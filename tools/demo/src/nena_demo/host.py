@@ -183,10 +183,10 @@ async def wait_for_robots(host: Host, count: int) -> None:
             f"{vehicle.name}: {vehicle.connection} {vehicle.state}, {vehicle.reason}"
             for vehicle in host.vehicles.values()
         ]
-        message = f"not all of {count} robots became ready within {ROBOTS_SECONDS:.0f} s. " + (
-            "; ".join(known) or "The order service reported no vehicle."
-        )
-        raise JobFailedError(message) from error
+        raise JobFailedError(
+            f"not all of {count} robots became ready within {ROBOTS_SECONDS:.0f} s. "
+            + ("; ".join(known) or "The order service reported no vehicle.")
+        ) from error
 
 
 async def run(host: Host) -> tuple[TransportOrderStatus, ...]:

@@ -375,8 +375,7 @@ async def _clear_topics(broker: MqttSettings, topics: Iterable[str]) -> None:
                 receiving.cancel()
                 confirming.cancel()
     except (MqttError, OSError) as error:
-        reason = str(error) or "it does not answer"
-        raise BrokerError(reason) from error
+        raise BrokerError(str(error) or "it does not answer") from error
 
 
 def _reason_of(error: Exception) -> str:

@@ -85,8 +85,7 @@ class ActionDrive:
         """
         # The driver has one goal at a time: a second one would silently end the first.
         if self._driver is None or self._result is not None:
-            message = "another action is driving" if self._driver else "the driver is not ready"
-            raise DriveError(message)
+            raise DriveError("another action is driving" if self._driver else "the driver is not ready")
         self._generation -= 1
         goal = DriveGoal(self._generation, pose, deviation_xy, deviation_theta, maximum_speed)
         self._result = asyncio.get_running_loop().create_future()

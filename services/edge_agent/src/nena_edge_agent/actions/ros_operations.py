@@ -285,8 +285,7 @@ class Call:
         result = value_at(response, self._result_path) if self._result_path else None
         text = None if result in (None, "") else str(result)
         if not matches(response, self._expected.fill(values)):
-            message = text or f"{self._settings.service} reported failure"
-            raise WorkFailedError(message)
+            raise WorkFailedError(text or f"{self._settings.service} reported failure")
         return text
 
 

@@ -217,8 +217,7 @@ class Context:
     def fleet(self) -> FleetControl:
         """Fleet control; raises RuntimeError before :meth:`connect`."""
         if self._fleet is None:
-            message = "fleet control is not connected yet"
-            raise RuntimeError(message)
+            raise RuntimeError("fleet control is not connected yet")
         return self._fleet
 
     def view(self, vehicle: FleetVehicle) -> RobotView:

@@ -240,11 +240,9 @@ def build_vda_order(
         ValueError: there is neither a route nor a coordinate, or the route does not start at the robot.
     """
     if route is None and coordinate is None:
-        message = "a VDA order needs a route or a coordinate"
-        raise ValueError(message)
+        raise ValueError("a VDA order needs a route or a coordinate")
     if route is not None and route.source != standing.point:
-        message = f"the route begins at {route.source!r}, the robot is at {standing.point!r}"
-        raise ValueError(message)
+        raise ValueError(f"the route begins at {route.source!r}, the robot is at {standing.point!r}")
     stops = list(_stops_of_route(name, plant, standing, profile, route, rules=rules, speed_limit=speed_limit))
     if coordinate is not None:
         # A coordinate has no map of its own: it is on that of the node before it.
@@ -461,12 +459,10 @@ def with_other_horizon(held: VdaOrder, base_end: int, tail: VdaOrder) -> VdaOrde
         ValueError: ``tail`` starts at another node, has only one node, or reuses an action ID.
     """
     if tail.nodes[0].node_id != held.nodes[base_end].node_id or not tail.edges:
-        message = f"the new route does not continue from node {held.nodes[base_end].node_id!r}"
-        raise ValueError(message)
+        raise ValueError(f"the new route does not continue from node {held.nodes[base_end].node_id!r}")
     # 2.1 lets a robot keep listing the actions of a dropped horizon; 3.0 forbids it (6.6.9.1).
     if tail.action_ids & held.action_ids:
-        message = "action IDs of the old horizon are reused"
-        raise ValueError(message)
+        raise ValueError("action IDs of the old horizon are reused")
     shift = 2 * base_end  # 6.1.1: nodes are even, edges odd, and both count on
     nodes = (node.model_copy(update={"sequence_id": node.sequence_id + shift}) for node in tail.nodes[1:])
     edges = (edge.model_copy(update={"sequence_id": edge.sequence_id + shift}) for edge in tail.edges)

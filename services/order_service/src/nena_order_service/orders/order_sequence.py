@@ -101,8 +101,7 @@ class OrderSequence:
     def appended(self, order: str, now: datetime) -> Self:
         """Add an order behind all others."""
         if self.status.complete:
-            message = f"order sequence {self.name!r} is complete"
-            raise SequenceRuleError(message)
+            raise SequenceRuleError(f"order sequence {self.name!r} is complete")
         orders = (*self.status.orders, order)
         return self._with_event(now, SequenceEvent.ORDER_APPENDED, order, orders=orders)
 
@@ -111,8 +110,7 @@ class OrderSequence:
         if self.bound_vehicle == vehicle:
             return self
         if self.bound_vehicle or self.status.finished:
-            message = f"order sequence {self.name!r} is not free for {vehicle!r}"
-            raise SequenceRuleError(message)
+            raise SequenceRuleError(f"order sequence {self.name!r} is not free for {vehicle!r}")
         event = SequenceEvent.PROCESSING_VEHICLE_CHANGED
         return self._with_event(now, event, vehicle, processing_vehicle=vehicle)
 

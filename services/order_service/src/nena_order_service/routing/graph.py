@@ -324,8 +324,7 @@ class RoutingGraph:
             cost = sum((evaluate(edge, self._profile) for evaluate in self._costs), start=0.0)
             # Dijkstra's algorithm is only right without negative costs.
             if cost < 0:
-                msg = f"edge {edge.id!r} has cost {cost}; costs must not be below 0"
-                raise ValueError(msg)
+                raise ValueError(f"edge {edge.id!r} has cost {cost}; costs must not be below 0")
             if isfinite(cost):
                 step = Step(edge, cost)
                 edge_steps.append((self._indices[step.source], self._indices[step.destination], step))

@@ -503,11 +503,10 @@ def read_unfinished(engine: sa.Engine) -> Unfinished:
     try:
         return _read_unfinished(engine)
     except (SQLAlchemyError, ValidationError) as error:
-        message = (
+        raise StoreError(
             f"the orders in store.url cannot be read: {str(error).splitlines()[0]}. "
             "Restore a backup, or set another store.url"
-        )
-        raise StoreError(message) from error
+        ) from error
 
 
 def _read_unfinished(engine: sa.Engine) -> Unfinished:

@@ -189,11 +189,10 @@ def migrate(engine: sa.Engine) -> None:
             STEPS[revision](connection)
             connection.execute(_version.update().values(version_num=REVISION))
         else:
-            message = (
+            raise StoreError(
                 f"the store belongs to another release (revision {revision}): "
                 "use that release, restore a backup, or set another store.url"
             )
-            raise StoreError(message)
         log.info("store migrated", before=revision, now=REVISION)
 
 
@@ -272,8 +271,7 @@ def parse_url(url: str) -> sa.URL:
     if kind == "postgresql":
         return parsed.set(drivername=POSTGRESQL)
     if kind != "sqlite":
-        message = f"{kind} is not supported"
-        raise unusable(message)
+        raise unusable(f"{kind} is not supported")
     return parsed
 
 
@@ -307,8 +305,7 @@ def make_engine(url: str, *, pooled: bool = True) -> sa.Engine:
         engine = sa.create_engine(parsed, poolclass=pool, connect_args=timeouts)
         sa.event.listen(engine, "connect", lambda connection, _: register_connection(engine, connection))
     except ImportError as error:
-        message = f"{error}; install the extra nena-order-service[postgresql]"
-        raise unusable(message) from error
+        raise unusable(f"{error}; install the extra nena-order-service[postgresql]") from error
     return engine
 
 

@@ -16,8 +16,7 @@ from nena_shared.settings import TopLevelSettings
 
 def _not_our_own(path: str) -> str:
     if path.split("/")[1:2] == ["v1"]:
-        message = "/v1 is used by NeNa's own API"
-        raise ValueError(message)
+        raise ValueError("/v1 is used by NeNa's own API")
     return path
 
 

@@ -372,8 +372,7 @@ def add_routes(app: FastAPI, changes: ChangeLog) -> None:
         wait_ms: Annotated[int, Query(alias="timeout", ge=0, le=10_000)] = 1000,
     ) -> dict[str, Any]:
         if last < first:
-            text = "Parameter 'maxSequenceNo' is less than 'minSequenceNo'."
-            raise NotPossibleError(text)
+            raise NotPossibleError("Parameter 'maxSequenceNo' is less than 'minSequenceNo'.")
         messages = await changes.poll(first, last, wait_ms / 1000)
         return {"timeStamp": iso(datetime.now(UTC)), "statusMessages": messages}
 

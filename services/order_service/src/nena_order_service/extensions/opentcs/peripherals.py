@@ -95,18 +95,16 @@ def _add_devices(app: FastAPI, peripherals: PeripheralOperations, engine: Engine
     @app.put("/v1/peripherals/{name:path}/commAdapter/attachment", response_class=Response)
     async def attach(name: str, new_value: Annotated[str, Query(alias="newValue")]) -> None:
         if not has_device(name) or new_value != DRIVER:
-            text = f"Unknown peripheral driver class name: {new_value}"
-            raise NotPossibleError(text)
+            raise NotPossibleError(f"Unknown peripheral driver class name: {new_value}")
 
     @app.put("/v1/peripherals/{name:path}/commAdapter/enabled", response_class=Response)
     async def enable(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> None:
         if has_device(name) != new_value:
-            text = (
+            raise NotPossibleError(
                 f"Location {name!r} has no peripheral driver."
                 if new_value
                 else f"The peripheral driver of location {name!r} is always enabled."
             )
-            raise NotPossibleError(text)
 
 
 def add_routes(app: FastAPI, hosts: HostServices, engine: Engine) -> None:

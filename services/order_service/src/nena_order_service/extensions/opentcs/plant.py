@@ -291,15 +291,13 @@ def _value_in(body: Json, value: Value) -> Any:  # noqa: ANN401 - JSON
 def _objects_in(body: Json, name: str) -> list[Json]:
     objects = body.get(name) or []
     if not isinstance(objects, list):
-        message = f"{name} is not a list"
-        raise TypeError(message)
+        raise TypeError(f"{name} is not a list")
     return [_as_object(item) for item in objects]
 
 
 def _as_object(value: Any) -> Json:  # noqa: ANN401 - JSON
     if not isinstance(value, dict):
-        message = f"{str(value)[:60]!r} is not an object"
-        raise TypeError(message)
+        raise TypeError(f"{str(value)[:60]!r} is not an object")
     return value
 
 

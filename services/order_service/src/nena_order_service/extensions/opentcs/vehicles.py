@@ -209,8 +209,7 @@ def _add_drivers(app: FastAPI, hosts: HostServices) -> None:
     async def attach(name: str, new_value: Annotated[str, Query(alias="newValue")]) -> None:
         require(name)
         if new_value != DRIVER:
-            text = f"Unknown vehicle driver class name: {new_value}. There is only {DRIVER}."
-            raise NotPossibleError(text)
+            raise NotPossibleError(f"Unknown vehicle driver class name: {new_value}. There is only {DRIVER}.")
 
     @app.put(f"{VEHICLES}/{{name:path}}/commAdapter/enabled", response_class=Response)
     async def enable(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> None:
@@ -234,8 +233,7 @@ def _add_route_query(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
         position = hosts.vehicles.find_status(name).current_position
         start = body.source_point or position
         if start is None:
-            text = f"The position of vehicle {name!r} is unknown; name a sourcePoint."
-            raise NotPossibleError(text)
+            raise NotPossibleError(f"The position of vehicle {name!r} is unknown; name a sourcePoint.")
         resources = {*plant.points_by_name, *plant.paths_by_name, *plant.locations_by_name}
         unknown = [point for point in (start, *body.destination_points) if point not in plant.points_by_name]
         if unknown := [

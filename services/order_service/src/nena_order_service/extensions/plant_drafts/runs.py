@@ -119,13 +119,12 @@ class Runs:
     async def _results(self, folder: Path, name: str, request: PlantRunRequest) -> dict[str, Any]:
         missing = [module for module in NEEDED[request.program] if find_spec(module) is None]
         if missing:
-            text = (
+            raise RunFailedError(
                 f"{', '.join(missing)} is not installed beside the order service (its container image does "
                 "not have it). Install it with pip install 'nena-order-service[plant-editor]', or run `nena "
                 "plant new` and `nena simulate` on another computer and begin a draft with the plant that "
                 "they write."
             )
-            raise RunFailedError(text)
         match request.program:
             case PlantProgram.MAP:
                 return await self._keep_map(folder, name, request)
