@@ -26,10 +26,8 @@ class StoreSettings(SettingsGroup):
 
     url: SecretStr = Field(
         SecretStr("sqlite:///nena-orders.db"),
-        description=(
-            "Database URL of the orders: sqlite:///FILE (four slashes for an absolute path) or "
-            "postgresql://USER@HOST/DATABASE, which allows a standby."
-        ),
+        description="Database URL of the orders: sqlite:///FILE (four slashes for an absolute path) or "
+        "postgresql://USER@HOST/DATABASE, which allows a standby.",
     )
     url_file: Path | None = Field(
         None, description="File with the database URL, for a URL with a password. Overrides store.url."
@@ -60,10 +58,8 @@ class OrderSettings(SettingsGroup):
 
     on_failure: FailurePolicy = Field(
         (FailureStep(do=FailureMeasure.OTHER_VEHICLE, times=2),),
-        description=(
-            'Default failure policy: measures tried in turn, such as [{"do": "RETRY", "times": '
-            '2}, {"do": "HOLD"}] (docs/order-service.md). Empty: the order fails.'
-        ),
+        description='Default failure policy: measures tried in turn, such as [{"do": "RETRY", "times": 2}, '
+        '{"do": "HOLD"}] (docs/order-service.md). Empty: the order fails.',
     )
 
 
@@ -100,10 +96,8 @@ class OrderServiceSettings(ServiceSettings):
     http: HttpSettings = Field(default_factory=lambda: HttpSettings(port=55200), description="The REST API.")
     public_url: HttpUrl | None = Field(
         None,
-        description=(
-            "URL at which hosts reach this order service; a standby redirects them to it. Unset: "
-            "http.host and http.port."
-        ),
+        description="URL at which hosts reach this order service; a standby redirects them to it. Unset: "
+        "http.host and http.port.",
     )
     events: EventSettings = Field(default_factory=EventSettings, description="The event stream.")
     topic_prefix: TopicPrefix = Field(

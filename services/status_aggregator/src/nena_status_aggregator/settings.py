@@ -228,10 +228,8 @@ class AggregatorSettings(ServiceSettings):
     messages_per_second: float = Field(
         200.0,
         gt=0,
-        description=(
-            "Sustained messages per second on each topic of a robot; every 10 kB count as one. Others are "
-            "ignored."
-        ),
+        description="Sustained messages per second on each topic of a robot; every 10 kB count as one. "
+        "Others are ignored.",
     )
     messages_burst: int = Field(2000, ge=1, description="Burst of messages on each topic of a robot.")
     orders_limit: int = Field(

@@ -95,10 +95,8 @@ class HttpSettings(SettingsGroup):
     )
     trusted_proxies: tuple[IPvAnyNetwork, ...] = Field(
         (IPv4Network("127.0.0.0/8"), IPv6Network("::1")),
-        description=(
-            "Addresses and networks of the reverse proxy: X-Forwarded-For and X-Forwarded-Proto of others "
-            "are ignored."
-        ),
+        description="Addresses and networks of the reverse proxy: X-Forwarded-For and X-Forwarded-Proto of "
+        "others are ignored.",
     )
     open_metrics: bool = Field(default=False, description="Serve /metrics without authentication.")
     requests_per_second: float = Field(

@@ -270,9 +270,8 @@ class ActionSettings(SettingsGroup):
     )
     without_ros: Literal["refuse", "rehearse"] = Field(
         "refuse",
-        description=(
-            "ROS operations on a loopback robot: refuse (not available) or rehearse (each takes a set time)."
-        ),
+        description="ROS operations on a loopback robot: refuse (not available) or rehearse (each takes a "
+        "set time).",
     )
     rehearsal_seconds: float = Field(
         2.0, ge=0, le=3600, description="Duration of a rehearsed operation, seconds."

@@ -151,10 +151,8 @@ class RosNames(SettingsGroup):
             "undock_robot",
         ),
         min_length=1,
-        description=(
-            "Actions that move the robot, the controller's first; their goals are cancelled if "
-            "the navigator does not stop the robot."
-        ),
+        description="Actions that move the robot, the controller's first; their goals are cancelled if the "
+        "navigator does not stop the robot.",
     )
 
     @property
@@ -168,10 +166,8 @@ class GoalSettings(SettingsGroup):
 
     confirmation_time: Seconds = Field(
         3.5,
-        description=(
-            "Time until a goal that Nav2 does not list is sent again, seconds; below 3 s, a goal "
-            "whose status was lost can be sent twice."
-        ),
+        description="Time until a goal that Nav2 does not list is sent again, seconds; below 3 s, a goal "
+        "whose status was lost can be sent twice.",
     )
     resends: int = Field(3, ge=0, le=20, description="Resends of a goal before it fails.")
     settle_time: Seconds = Field(
@@ -206,11 +202,9 @@ class GoalSettings(SettingsGroup):
         1.0,
         ge=0,
         le=60,
-        description=(
-            "Replanning period of Nav2's behaviour tree, seconds. At a passed node, the next goal "
-            "is sent early: by the goal tolerance or the controller's slow-down distance, plus the "
-            "distance driven in this time, but within the node's deviation."
-        ),
+        description="Replanning period of Nav2's behaviour tree, seconds. At a passed node, the next goal "
+        "is sent early: by the goal tolerance or the controller's slow-down distance, plus the distance "
+        "driven in this time, but within the node's deviation.",
     )
     blocked_after: Seconds = Field(
         20.0,
@@ -233,10 +227,8 @@ class LocalisationSettings(SettingsGroup):
     )
     pose_timeout: Seconds = Field(
         5.0,
-        description=(
-            "Time without a pose during a goal after which one is requested, seconds; if none "
-            "is received, the robot counts as lost."
-        ),
+        description="Time without a pose during a goal after which one is requested, seconds; if none is "
+        "received, the robot counts as lost.",
     )
     xy_spread_limit: Positive = Field(
         0.75, description="Maximum standard deviation of a localised position, m."
@@ -301,11 +293,8 @@ class RosSettings(SettingsGroup):
     names: RosNames = Field(default_factory=RosNames, description="Topics and services.")
     navigation: Navigation = Field(
         Navigation.AUTO,
-        description=(
-            "How goals are sent: topics; action (needs nav2_msgs); through_poses (Nav2's action "
-            "for several poses); auto: the action if nav2_msgs and its server are available, else "
-            "topics."
-        ),
+        description="How goals are sent: topics; action (needs nav2_msgs); through_poses (Nav2's action for "
+        "several poses); auto: the action if nav2_msgs and its server are available, else topics.",
     )
     battery_scale: BatteryScale = Field(
         "fraction", description="Scale of the battery percentage: 0 to 1, or 0 to 100."

@@ -70,10 +70,8 @@ class EnergySettings(SettingsGroup):
 
     respected: bool = Field(
         default=True,
-        description=(
-            "Vehicles with critical energy, or recharging, take no other orders. Set to false for "
-            "robots that do not report their charge."
-        ),
+        description="Vehicles with critical energy, or recharging, take no other orders. Set to false for "
+        "robots that do not report their charge.",
     )
     until_fully_recharged: bool = Field(
         default=True,
@@ -142,27 +140,21 @@ class DispatchSettings(SettingsGroup):
 
     choosers: Chooser = Field(
         Chooser.TOGETHER,
-        description=(
-            "Assignment method: TOGETHER (orders of the same urgency and free vehicles at the least total "
-            "cost), ORDERS (each order in turn chooses), or SCARCER (orders or vehicles choose, depending on "
-            "which are fewer, as in openTCS)."
-        ),
+        description="Assignment method: TOGETHER (orders of the same urgency and free vehicles at the least "
+        "total cost), ORDERS (each order in turn chooses), or SCARCER (orders or vehicles choose, depending "
+        "on which are fewer, as in openTCS).",
     )
     age_window: float = Field(
         300.0,
         ge=0,
-        description=(
-            "With TOGETHER: how much later a nearer order may have been created to be assigned first, "
-            "seconds. 0: strictly by age."
-        ),
+        description="With TOGETHER: how much later a nearer order may have been created to be assigned "
+        "first, seconds. 0: strictly by age.",
     )
     crowding: float = Field(
         0.1,
         ge=0,
-        description=(
-            "With TOGETHER: share by which the cost of an order rises for each vehicle that will still visit "
-            "one of its destinations. 0: crowded stations do not count."
-        ),
+        description="With TOGETHER: share by which the cost of an order rises for each vehicle that will "
+        "still visit one of its destinations. 0: crowded stations do not count.",
     )
     orders: list[OrderKey] = Field(
         [OrderKey.BY_PRIORITY, OrderKey.BY_DEADLINE, OrderKey.BY_AGE],
@@ -188,27 +180,21 @@ class DispatchSettings(SettingsGroup):
         3,
         ge=0,
         le=100,
-        description=(
-            "Orders that may fail in a row at a vehicle; then it gets no more until a person sets its "
-            "integration level, or it has finished a drive. 0: no limit."
-        ),
+        description="Orders that may fail in a row at a vehicle; then it gets no more until a person sets "
+        "its integration level, or it has finished a drive. 0: no limit.",
     )
     deadline_at_risk: float = Field(
         60.0, ge=0, description="Time before its deadline from which an order is at risk, seconds."
     )
     loads_respected: bool = Field(
         default=True,
-        description=(
-            "Vehicles without room for another load take no orders that begin with a pick. Set to "
-            "false for robots that report loads incorrectly."
-        ),
+        description="Vehicles without room for another load take no orders that begin with a pick. Set to "
+        "false for robots that report loads incorrectly.",
     )
     maps_respected: bool = Field(
         default=True,
-        description=(
-            "Vehicles whose robot does not report their map as enabled take no orders. Set to "
-            "false for robots that use other map IDs in maps than in their position."
-        ),
+        description="Vehicles whose robot does not report their map as enabled take no orders. Set to false "
+        "for robots that use other map IDs in maps than in their position.",
     )
     energy: EnergySettings = Field(default_factory=EnergySettings, description="Energy of vehicles.")
     recharging: RechargingSettings = Field(

@@ -35,60 +35,46 @@ class EngineSettings(SettingsGroup):
     )
     default_map_id: str = Field(
         "",
-        description=(
-            "Map of vehicles without one in the plant model. Empty: the map that the robot reports."
-        ),
+        description="Map of vehicles without one in the plant model. Empty: the map that the robot reports.",
     )
     max_distance_to_point: float | None = Field(
         None,
         gt=0,
-        description=(
-            "Distance from the nearest point beyond which a vehicle's position counts as wrong, m: it gets "
-            "no orders and no more base, unless an order has sent it to a coordinate. Unset: twice the "
-            "longest path of the plant, at least 5 m."
-        ),
+        description="Distance from the nearest point beyond which a vehicle's position counts as wrong, m: "
+        "it gets no orders and no more base, unless an order has sent it to a coordinate. Unset: twice the "
+        "longest path of the plant, at least 5 m.",
     )
     release_ahead: int = Field(
         0,
         ge=0,
         le=1000,
-        description=(
-            "Nodes released ahead of a robot (preventive: without a connection it stops after them); "
-            "the rest is horizon. 0: as far as `release_seconds` allows."
-        ),
+        description="Nodes released ahead of a robot (preventive: without a connection it stops after "
+        "them); the rest is horizon. 0: as far as `release_seconds` allows.",
     )
     release_seconds: float = Field(
         1.0,
         ge=0,
-        description=(
-            "With `release_ahead` 0, a robot's base extends beyond its next node by the distance that it "
-            "drives in this time at full speed; the rest is horizon. Raise it for robots that take "
-            "longer to brake: they slow down before their next node. 0: everything that can be "
-            "allocated (assertive)."
-        ),
+        description="With `release_ahead` 0, a robot's base extends beyond its next node by the distance "
+        "that it drives in this time at full speed; the rest is horizon. Raise it for robots that take "
+        "longer to brake: they slow down before their next node. 0: everything that can be allocated "
+        "(assertive).",
     )
     restart_patience: float = Field(
         30.0,
         ge=0,
-        description=(
-            "Time after the start to wait for the first state of each vehicle that is not offline, and "
-            "whose place is not known from before, seconds; then the others drive, and missing robots keep "
-            "their resources. VDA 5050 requires a state every 30 s."
-        ),
+        description="Time after the start to wait for the first state of each vehicle that is not offline, "
+        "and whose place is not known from before, seconds; then the others drive, and missing robots keep "
+        "their resources. VDA 5050 requires a state every 30 s.",
     )
     traffic: bool = Field(
         default=True,
-        description=(
-            "Allocate points, paths and blocks to one robot at a time. false: no traffic control; "
-            "robots must avoid each other."
-        ),
+        description="Allocate points, paths and blocks to one robot at a time. false: no traffic control; "
+        "robots must avoid each other.",
     )
     speed_limits: bool = Field(
         default=True,
-        description=(
-            "Send robots the speed limits of the plant model (edges.maximumSpeed) if their "
-            "factsheets list this field. false: robots drive at their own speed."
-        ),
+        description="Send robots the speed limits of the plant model (edges.maximumSpeed) if their "
+        "factsheets list this field. false: robots drive at their own speed.",
     )
     dispatch: DispatchSettings = Field(
         default_factory=DispatchSettings, description="Dispatching: which vehicle gets which order."

@@ -53,10 +53,8 @@ class FleetSettings(SettingsGroup):
     )
     release_policy: ReleasePolicy = Field(
         ReleasePolicy.EXCLUSIVE,
-        description=(
-            "Who may enter zones and corridors that need a release: one robot at a time "
-            "(exclusive), every robot (all) or none."
-        ),
+        description="Who may enter zones and corridors that need a release: one robot at a time "
+        "(exclusive), every robot (all) or none.",
     )
     release_lease: float = Field(
         0.0, ge=0, description="Lease of a release, seconds. 0: until it is returned."
@@ -70,10 +68,8 @@ class FleetSettings(SettingsGroup):
     )
     strict: bool = Field(
         default=False,
-        description=(
-            "Refuse robot messages that violate VDA 5050 instead of repairing them; for "
-            "acceptance tests of robots."
-        ),
+        description="Refuse robot messages that violate VDA 5050 instead of repairing them; for acceptance "
+        "tests of robots.",
     )
     robots_limit: int = Field(
         10_000, ge=1, description="Maximum number of robots; messages of others are ignored."
@@ -81,10 +77,8 @@ class FleetSettings(SettingsGroup):
     messages_per_second: float = Field(
         200.0,
         gt=0,
-        description=(
-            "Sustained messages per second on each topic of a robot; every 10 kB count as one. Others are "
-            "ignored."
-        ),
+        description="Sustained messages per second on each topic of a robot; every 10 kB count as one. "
+        "Others are ignored.",
     )
     messages_burst: int = Field(2000, ge=1, description="Burst of messages on each topic of a robot.")
     tick_interval: float = Field(

@@ -12,10 +12,8 @@ class PeripheralSettings(SettingsGroup):
 
     enabled: bool = Field(
         default=False,
-        description=(
-            "Execute the peripheral operations of paths and destinations. false: they are ignored, and "
-            "robots do not wait for devices. See docs/peripherals.md."
-        ),
+        description="Execute the peripheral operations of paths and destinations. false: they are ignored, "
+        "and robots do not wait for devices. See docs/peripherals.md.",
     )
     acknowledge_timeout: float = Field(
         5.0,
@@ -28,8 +26,6 @@ class PeripheralSettings(SettingsGroup):
     execution_timeout: float = Field(
         60.0,
         gt=0,
-        description=(
-            "Time from a device's acknowledgement to the end of the job, seconds; then the job has failed. "
-            "The location property `nena:executionTimeout` overrides it."
-        ),
+        description="Time from a device's acknowledgement to the end of the job, seconds; then the job has "
+        "failed. The location property `nena:executionTimeout` overrides it.",
     )

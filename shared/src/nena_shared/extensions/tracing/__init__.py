@@ -41,10 +41,8 @@ class TracingSettings(SettingsGroup):
 
     endpoint: HttpUrl | None = Field(
         None,
-        description=(
-            "URL of the collector's traces (OTLP over HTTP), such as http://127.0.0.1:4318/v1/traces. "
-            "Unset: no traces."
-        ),
+        description="URL of the collector's traces (OTLP over HTTP), such as "
+        "http://127.0.0.1:4318/v1/traces. Unset: no traces.",
     )
     sample_ratio: float = Field(
         1.0,
