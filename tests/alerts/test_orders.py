@@ -5,14 +5,16 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import httpx
 import pytest
 
-from alerts.watched import WatchedSite, watched
+from alerts.watched import LOOK_EVERY, WatchedSite, watched
 from faults.site import Layout
 from support.order_service_fleet import order_in
 from support.pausing import time_passes
@@ -31,6 +33,8 @@ LONG_WAIT = timedelta(minutes=31)
 LONG_QUEUE_TIME = timedelta(minutes=16)
 PACE = 0.5
 """Seconds between messages."""
+QUIET = 5.0
+"""Seconds without an order after which none is expected."""
 
 
 @asynccontextmanager
@@ -71,18 +75,33 @@ async def long_wait_in_a_short_queue(site: WatchedSite, clock: ShiftedClock) -> 
     """Let two robots wait behind a stopped one, and a quarter of an hour pass."""
     async with queue_behind_stopped_robot(site, SHORT_QUEUE, "wait"):
         for each in SHORT_QUEUE:
-            await vehicle_waits(site, each)
+            await robot_waits(site, each)
+        await no_orders_under_way(site)
         clock.jump_to(LONG_QUEUE_TIME)
         yield
 
 
-async def vehicle_waits(site: WatchedSite, name: str) -> None:
-    """Wait until a vehicle waits for another one."""
+async def robot_waits(site: WatchedSite, serial: str) -> None:
+    """Wait until the aggregator shows that a robot waits: only from then on does its waiting get older."""
+    path = f"{site.aggregator_url}/api/v1/robots/NeNa/{serial}"
+    async with httpx.AsyncClient(timeout=PATIENCE) as client:
 
-    async def wait() -> object:
-        return (await site.orders.get(f"/v1/vehicles/{name}")).json()["wait"]
+        async def look() -> object:
+            return (await client.get(path)).json()["condition"]
 
-    await awaited(wait, bool, seconds=PATIENCE, what=f"{name} waits")
+        await awaited(look, lambda now: now == "WAITING", what=f"{serial} waits", every=LOOK_EVERY)
+
+
+async def no_orders_under_way(site: WatchedSite) -> None:
+    """Wait until robots get no more orders: one under way while the clocks jump would make them differ."""
+    seen: dict[int, float] = {}
+
+    async def look() -> float:
+        number = len(site.wire.received(f"{site.interface}/v2/NeNa/+/order"))
+        seen.setdefault(number, time.monotonic())
+        return time.monotonic() - seen[number]
+
+    await awaited(look, lambda quiet: quiet > QUIET, what="no orders under way", every=LOOK_EVERY)
 
 
 @asynccontextmanager
@@ -103,10 +122,10 @@ async def unreadable_messages(site: WatchedSite) -> AsyncIterator[None]:
 
 @asynccontextmanager
 async def deviating_message(site: WatchedSite) -> AsyncIterator[None]:
-    """Let a robot send a heading of more than a turn."""
+    """Let a robot send one heading beyond half a turn; one beyond a turn would put all into degrees."""
     topic = f"{site.interface}/v2/NeNa/loop-1/state"
     state = json.loads(site.wire.received(topic)[-1].payload)
-    state["agvPosition"]["theta"] += 4 * math.pi
+    state["agvPosition"]["theta"] = 1.5 * math.pi
     site.wire.publish(topic, json.dumps(state))
     yield
 
@@ -149,7 +168,8 @@ async def test_robots_that_wait_long_without_a_jam(tmp_path: Path) -> None:
     site = WatchedSite(tmp_path, layout)
     async with watched(site) as watch:
         await watch.finds(
-            long_wait_in_a_short_queue(site, clock), {"NenaRobotStands": 1, "NenaRobotsWaitLong": 1}
+            long_wait_in_a_short_queue(site, clock),
+            {"NenaRobotStands": 1, "NenaRobotsWaitLong": 1, "NenaTrafficJam": 1},  # no other robot drives
         )
 
 
