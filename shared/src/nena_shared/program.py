@@ -14,7 +14,7 @@ from pathlib import Path
 
 from nena_shared.log import configure, get_logger
 from nena_shared.settings import ConfigurationError, HasSettings, S, load, settings_with
-from nena_shared.tasks import TaskFailedError, end, set_within, stop_on_signals
+from nena_shared.tasks import StartError, TaskFailedError, end, set_within, stop_on_signals
 
 log = get_logger(__name__)
 
@@ -103,10 +103,6 @@ async def _send_heartbeats(supervision: Supervision, stop: asyncio.Event) -> Non
 EXIT_FAILED = 1
 # the systemd units do not restart a program that ends with it
 EXIT_MISCONFIGURED = 2
-
-
-class StartError(Exception):
-    """The program cannot start; the message explains why and what to do."""
 
 
 def run(

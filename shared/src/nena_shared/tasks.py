@@ -28,6 +28,10 @@ def report_failure(event: str, error: BaseException, **values: object) -> None:
         listener(" ".join([event, *(f"{name}={value}" for name, value in values.items())]), error)
 
 
+class StartError(Exception):
+    """The program cannot start or go on; the message explains why and what to do."""
+
+
 class TaskFailedError(Exception):
     """A vital task has ended."""
 
@@ -70,7 +74,9 @@ class Supervisor:
         if task.cancelled():
             return
         error = task.exception()
-        if error is not None and vital:
+        if vital and isinstance(error, StartError):
+            log.error("task failed", task=task.get_name(), reason=str(error))
+        elif error is not None and vital:
             log.error("task failed", task=task.get_name(), exc_info=error)
         elif error is not None:
             report_failure("task failed", error, task=task.get_name())

@@ -16,7 +16,7 @@ from nena_edge_agent import program
 from nena_edge_agent.journal import Journal
 from nena_shared.clock import SystemClock
 from nena_shared.mqtt import Inbound
-from nena_shared.program import StartError
+from nena_shared.tasks import StartError
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.versions import CODECS
 from support.broker import Broker, MqttPeer

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from nena_edge_agent.loopback.driver import LoopbackDriver
-from nena_shared.program import StartError
+from nena_shared.tasks import StartError
 from support.broker import Broker, MqttPeer
 from support.edge_agent import FleetControl, agent_settings, ended, running_agent
 from support.robot_core import order

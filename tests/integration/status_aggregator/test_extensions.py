@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
-from nena_shared.program import StartError
+from nena_shared.tasks import StartError
 from nena_status_aggregator.__main__ import main
 from nena_status_aggregator.extension import GROUP, installed
 from support.broker import Broker, MqttPeer

@@ -14,7 +14,7 @@ from nena_edge_agent.protocol.events import Event
 from nena_edge_agent.robot_link import RobotLink
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import SystemClock
-from nena_shared.program import StartError
+from nena_shared.tasks import StartError
 
 SWITCH = SessionSwitch(RosSettings(), None)
 

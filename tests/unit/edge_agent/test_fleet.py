@@ -6,7 +6,7 @@ import pytest
 from structlog.testing import capture_logs
 
 from nena_edge_agent.fleet import run_fleet
-from nena_shared.program import StartError
+from nena_shared.tasks import StartError
 from support.waiting import PATIENCE, until
 
 

@@ -25,7 +25,7 @@ from nena_edge_agent.journal import (
 )
 from nena_edge_agent.protocol.memory import Memory
 from nena_edge_agent.settings import EdgeAgentSettings
-from nena_shared.program import StartError
+from nena_shared.tasks import StartError
 from nena_shared.vda5050.topics import RobotKey
 from support.robot_core import Bench, action, order
 

@@ -13,8 +13,7 @@ from nena_edge_agent import program as program_module
 from nena_edge_agent.metrics import DISK, MetricsServer, Program
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.loop_lag import LoopLag
-from nena_shared.program import StartError
-from nena_shared.tasks import Supervisor
+from nena_shared.tasks import StartError, Supervisor
 from nena_shared.vda5050.topics import RobotKey
 from support.clocks import ManualClock
 from support.waiting import until

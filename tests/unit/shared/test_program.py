@@ -20,13 +20,12 @@ from nena_shared.program import (
     EXIT_FAILED,
     EXIT_MISCONFIGURED,
     HEARTBEAT_FILE,
-    StartError,
     Supervision,
     heartbeats,
     run,
 )
 from nena_shared.settings import ConfigurationError, ServiceSettings
-from nena_shared.tasks import Supervisor
+from nena_shared.tasks import StartError, Supervisor
 from support.pausing import time_passes
 from support.waiting import PATIENCE, until
 

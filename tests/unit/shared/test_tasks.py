@@ -6,7 +6,7 @@ from contextlib import suppress
 import pytest
 from structlog.testing import capture_logs
 
-from nena_shared.tasks import Supervisor, TaskFailedError, end, end_if_cancelled, forever
+from nena_shared.tasks import StartError, Supervisor, TaskFailedError, end, end_if_cancelled, forever
 from support.pausing import turn_passes
 from support.waiting import PATIENCE, until
 
@@ -44,6 +44,21 @@ async def test_vital_task_that_ends_in_any_way_ends_the_wait(work: object) -> No
 
     assert caught.value.name == "the heart"
     assert [line["task"] for line in logs] == (["the heart"] if work is fail else [])
+
+
+async def test_vital_task_that_says_what_to_do_is_logged_without_a_traceback() -> None:
+    async def give_up() -> None:
+        raise StartError("another one is active; restart this one")
+
+    with capture_logs() as logs:
+        async with Supervisor() as tasks:
+            tasks.start("leadership", give_up())
+            with pytest.raises(TaskFailedError):
+                await asyncio.wait_for(tasks.wait(asyncio.Event()), PATIENCE)
+
+    (line,) = logs
+    assert line["reason"] == "another one is active; restart this one"
+    assert "exc_info" not in line
 
 
 @pytest.mark.provokes_failures

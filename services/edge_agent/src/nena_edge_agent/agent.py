@@ -38,8 +38,7 @@ from nena_shared.histogram import Histogram
 from nena_shared.log import get_logger
 from nena_shared.mqtt import BrokerLink, Inbound, LinkHooks, MqttLink, Outbound
 from nena_shared.mqtt.link import LinkState
-from nena_shared.program import StartError
-from nena_shared.tasks import Supervisor, report_failure
+from nena_shared.tasks import StartError, Supervisor, report_failure
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry

@@ -17,7 +17,7 @@ from nena_edge_agent.nav2.speed_limit import SpeedLimiter
 from nena_edge_agent.protocol.events import Event
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
-from nena_shared.program import StartError
+from nena_shared.tasks import StartError
 
 
 def driver_maker(

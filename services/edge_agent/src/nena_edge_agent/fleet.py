@@ -7,8 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from nena_shared.log import get_logger
-from nena_shared.program import StartError
-from nena_shared.tasks import Supervisor, TaskFailedError, set_within
+from nena_shared.tasks import StartError, Supervisor, TaskFailedError, set_within
 
 log = get_logger(__name__)
 

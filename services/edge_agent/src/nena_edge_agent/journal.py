@@ -17,7 +17,7 @@ from zlib import crc32
 from nena_edge_agent.durability import sync_folder
 from nena_edge_agent.protocol.memory import FORMAT, Memory
 from nena_shared.histogram import SHORT, Histogram
-from nena_shared.program import StartError
+from nena_shared.tasks import StartError
 from nena_shared.vda5050.topics import RobotKey
 
 MINIMUM_RECORD_SPACE = 4 * 1024

@@ -30,7 +30,7 @@ from nena_shared.metrics import (
     gauge,
 )
 from nena_shared.mqtt.link import LinkState
-from nena_shared.program import StartError
+from nena_shared.tasks import StartError
 from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.topics import RobotKey
 

@@ -34,9 +34,9 @@ from nena_shared.clock import Clock, SystemClock
 from nena_shared.fleet_api.topics import suits_all_brokers
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
-from nena_shared.program import EXIT_FAILED, StartError, run
+from nena_shared.program import EXIT_FAILED, run
 from nena_shared.settings import ConfigurationError, settings_of
-from nena_shared.tasks import Supervisor, forever
+from nena_shared.tasks import StartError, Supervisor, forever
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import codec_for, topics_for
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from importlib.metadata import entry_points
 from typing import Any, TypeVar
 
-from nena_shared.program import StartError
 from nena_shared.settings import HasSettings
+from nena_shared.tasks import StartError
 
 E = TypeVar("E", bound=HasSettings)
 

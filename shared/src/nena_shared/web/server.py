@@ -21,10 +21,9 @@ from uvicorn.server import ServerState
 
 from nena_shared.certificates import remember_http
 from nena_shared.log import get_logger
-from nena_shared.program import StartError
 from nena_shared.rate_limit import RateLimit
 from nena_shared.settings import ConfigurationError
-from nena_shared.tasks import end
+from nena_shared.tasks import StartError, end
 from nena_shared.web.settings import HttpSettings, check_exposure, network_of
 
 log = get_logger(__name__)

@@ -39,8 +39,8 @@ from nena_edge_agent.nav2.presence import Lifecycle, Presence
 from nena_edge_agent.nav2.settings import Navigation, RosAddress, RosSettings
 from nena_edge_agent.nav2.speed_limit import SpeedLimiter
 from nena_shared.clock import SystemClock
-from nena_shared.program import StartError
 from nena_shared.ros import GoalStatus
+from nena_shared.tasks import StartError
 from support.clocks import ManualClock
 from support.pausing import pass_time, turn_passes
 from support.waiting import until

@@ -22,9 +22,9 @@ from starlette.types import Receive, Scope, Send
 from structlog.testing import capture_logs
 
 from nena_shared.certificates import Certificates
-from nena_shared.program import StartError
 from nena_shared.rate_limit import RateLimit
 from nena_shared.settings import ConfigurationError
+from nena_shared.tasks import StartError
 from nena_shared.web import server as server_module
 from nena_shared.web.server import HttpServer
 from nena_shared.web.settings import HttpSettings

@@ -14,8 +14,8 @@ from nena_robot_simulator.motion import hall
 from nena_robot_simulator.settings import SimulatorSettings
 from nena_shared import log as logging
 from nena_shared.clock import SystemClock
-from nena_shared.program import StartError, run
-from nena_shared.tasks import TaskFailedError, set_within
+from nena_shared.program import run
+from nena_shared.tasks import StartError, TaskFailedError, set_within
 
 if TYPE_CHECKING:
     from nena_robot_simulator.node import RobotNode

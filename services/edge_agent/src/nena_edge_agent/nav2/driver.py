@@ -80,8 +80,7 @@ from nena_edge_agent.nav2.trackers import Trackers
 from nena_edge_agent.nav2.transforms import TransformWatch
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
-from nena_shared.program import StartError
-from nena_shared.tasks import Supervisor, forever, set_within
+from nena_shared.tasks import StartError, Supervisor, forever, set_within
 
 if TYPE_CHECKING:
     from nena_edge_agent.nav2.node import Nav2Node

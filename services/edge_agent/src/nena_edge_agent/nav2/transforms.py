@@ -16,8 +16,8 @@ from nena_edge_agent.nav2.offers import TRANSFORMS, interface
 from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.settings import PoseSource, RosSettings
 from nena_shared.log import get_logger
-from nena_shared.program import StartError
 from nena_shared.ros import wrap, yaw_of
+from nena_shared.tasks import StartError
 
 if TYPE_CHECKING:
     from nena_edge_agent.nav2.session import RosSession

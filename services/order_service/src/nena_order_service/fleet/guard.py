@@ -17,9 +17,8 @@ from pydantic import ValidationError
 from nena_shared.fleet_api.base import Resource
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound, Term
-from nena_shared.program import StartError
 from nena_shared.settings import MqttSettings
-from nena_shared.tasks import end, set_within
+from nena_shared.tasks import StartError, end, set_within
 
 log = get_logger(__name__)
 

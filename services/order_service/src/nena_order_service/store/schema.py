@@ -14,7 +14,7 @@ from sqlalchemy.pool import ConnectionPoolEntry, NullPool
 
 from nena_shared.database_connections import register_connection
 from nena_shared.log import get_logger
-from nena_shared.program import StartError
+from nena_shared.tasks import StartError
 
 log = get_logger(__name__)
 

@@ -44,7 +44,7 @@ from typing_extensions import TypedDict
 
 from nena_shared.clock import iso
 from nena_shared.database_connections import register_connection
-from nena_shared.program import StartError
+from nena_shared.tasks import StartError
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
 from nena_status_aggregator.fleet.events import Code, Event, Outcome, Values

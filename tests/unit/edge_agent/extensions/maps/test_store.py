@@ -13,8 +13,8 @@ from nena_edge_agent.extensions.maps import Maps, MapSettings
 from nena_edge_agent.extensions.maps.store import DuplicateMapError, FolderMapStore, MapRefusedError
 from nena_edge_agent.protocol.events import MapsReport
 from nena_edge_agent.settings import EdgeAgentSettings
-from nena_shared.program import StartError
 from nena_shared.settings import ConfigurationError
+from nena_shared.tasks import StartError
 from nena_shared.vda5050.state import Map, MapStatus
 from nena_shared.vda5050.topics import RobotKey
 from support.clocks import ManualClock

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from nena_edge_agent.extensions.maps.store import CONTENT, FolderMapStore, MapRefusedError, find_map
 from nena_edge_agent.nav2.map_server import MapNotLoadedError, MapServer, MapUser
-from nena_shared.program import StartError
+from nena_shared.tasks import StartError
 from nena_shared.vda5050.state import Map
 
 if TYPE_CHECKING:

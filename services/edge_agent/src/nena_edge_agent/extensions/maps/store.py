@@ -11,7 +11,7 @@ from typing import Protocol
 from urllib.parse import quote, unquote
 
 from nena_edge_agent.durability import sync_folder
-from nena_shared.program import StartError
+from nena_shared.tasks import StartError
 from nena_shared.vda5050.state import Map, MapStatus
 
 
