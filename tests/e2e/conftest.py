@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import AsyncIterator, Iterator
+from pathlib import Path
 
 import pytest
 from playwright.async_api import Browser, async_playwright
 
 from support.broker import Broker, MqttPeer
-from support.panel import Hall
+from support.panel import IN_FIREFOX, Hall
 
 ARGUMENTS = [
     "--headless",
@@ -25,19 +25,21 @@ ARGUMENTS = [
 
 
 @pytest.fixture
-async def browser() -> AsyncIterator[Browser]:
+async def browser(tmp_path: Path) -> AsyncIterator[Browser]:
     """Return the installed Chromium, or Firefox with NENA_BROWSER=firefox; skip the test without it."""
-    wanted = os.environ.get("NENA_BROWSER", "chromium")
+    wanted = "firefox" if IN_FIREFOX else "chromium"
     program = shutil.which(wanted) or shutil.which(
         "firefox-esr" if wanted == "firefox" else "chromium-browser"
     )
     if program is None:
-        pytest.skip(
-            f"these tests need a real {wanted}: make {'firefox-test' if wanted == 'firefox' else 'browser'}"
-        )
+        pytest.skip(f"these tests need a real {wanted}: make {'firefox-test' if IN_FIREFOX else 'browser'}")
     async with async_playwright() as playwright:
-        if wanted == "firefox":  # the distribution's, by WebDriver BiDi
-            browser = await playwright.firefox.launch(executable_path=program, channel="moz-firefox")
+        if IN_FIREFOX:  # the distribution's, by WebDriver BiDi
+            browser = await playwright.firefox.launch(
+                executable_path=program,
+                channel="moz-firefox",
+                firefox_user_prefs={"browser.download.folderList": 2, "browser.download.dir": str(tmp_path)},
+            )
         else:
             browser = await playwright.chromium.launch(executable_path=program, args=ARGUMENTS)
         yield browser

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 from collections.abc import AsyncIterator, Callable
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from axe_playwright_python.async_playwright import Axe  # type: ignore[import-untyped]
-from playwright.async_api import Browser, Page, expect
+from playwright.async_api import Browser, Locator, Page, expect
 
 from nena_shared.fleet_api.peripherals import PeripheralStatus
 from nena_shared.fleet_api.topics import FleetTopics, PeripheralTopic
@@ -28,6 +29,9 @@ from support.waiting import PATIENCE, awaited
 
 PICTURES = os.environ.get("NENA_SCREENSHOTS")
 """Folder for screenshots of the panel; unset: none are saved."""
+
+IN_FIREFOX = os.environ.get("NENA_BROWSER") == "firefox"
+"""Whether the browser is Firefox instead of Chromium."""
 
 
 COLOUR_NEAR = """([x, y, colour]) => {
@@ -63,6 +67,9 @@ PLAN_SHOWN = """() => {
 }"""
 """Whether the map has a plan and a size."""
 
+
+STYLE_OF_SCREENSHOTS = "YjaKGiklmzC6wjXA513HAMmzus8VE61XCOT+SmwNZWA="
+"""Hash of the `body {}` that Playwright adds for a screenshot; Firefox reports that it blocks it."""
 
 SIZES = {"wide": (1600, 1000), "laptop": (1280, 800), "phone": (390, 844)}
 """Sizes of windows, px."""
@@ -178,7 +185,7 @@ async def opened(
     await page.goto(url)
     yield page
     # the browsers report it while the aggregator is down, or asks for a login
-    passed_over = ("net::ERR_", "establish a connection to the server", *expected)
+    passed_over = ("net::ERR_", "establish a connection to the server", STYLE_OF_SCREENSHOTS, *expected)
     left = [each for each in complaints if not any(part in each for part in passed_over)]
     assert left == [], left
     await page.close()
@@ -214,6 +221,23 @@ async def picture(page: Page, name: str) -> None:
     """Save a screenshot for the documentation, if a folder is set."""
     if PICTURES:
         await page.screenshot(path=Path(PICTURES) / f"{name}.png", animations="disabled")
+
+
+async def saved(page: Page, button: Locator, folder: Path) -> str:
+    """Press a button that saves a file, and return its text.
+
+    Of Firefox, Playwright notices only some and finds no file: it is in the ``folder`` of the browser.
+    """
+    if not IN_FIREFOX:
+        async with page.expect_download() as download:
+            await button.click()
+        return (await (await download.value).path()).read_text(encoding="utf-8")
+    await button.click()
+
+    def text() -> str:  # it is empty at first
+        return "".join(each.read_text(encoding="utf-8") for each in folder.glob("*.csv"))
+
+    return await awaited(lambda: asyncio.to_thread(text), bool, seconds=WITHIN, what="the file is saved")
 
 
 async def findings(page: Page, *, minor: bool = False) -> list[str]:

@@ -11,7 +11,7 @@ import pytest
 from playwright.async_api import Browser, expect
 
 from support.broker import Broker
-from support.panel import findings, picture
+from support.panel import findings, picture, saved
 from support.panel_site import site
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -78,9 +78,7 @@ async def test_time_range_is_chosen_and_saved_as_csv(
         await page.get_by_label("To", exact=True).fill(f"{tomorrow:%Y-%m-%dT%H:%M}")
         await page.get_by_label("To", exact=True).blur()
         await expect(rows).to_have_count(1)
-        async with page.expect_download() as download:
-            await page.get_by_role("button", name="Download CSV").click()
-        text = (await (await download.value).path()).read_text(encoding="utf-8")
+        text = await saved(page, page.get_by_role("button", name="Download CSV"), tmp_path)
         [row] = csv.DictReader(StringIO(text, newline=""))
         assert (row["operation"], row["object"], row["result"]) == ("createTransportOrder", "'-T-1", "DONE")
         assert len(row["hash"]) == 64

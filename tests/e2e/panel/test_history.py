@@ -16,7 +16,7 @@ from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_status_aggregator.fleet.events import Code, Event, Values
 from support.fleet_examples import ROBOT, connection, position, state
-from support.panel import LABELS, Hall, becomes, findings, opened, picture, seconds_now, visit
+from support.panel import LABELS, Hall, becomes, findings, opened, picture, saved, seconds_now, visit
 from support.panel_history import SLIDE, recorded
 from support.panel_texts import Texts
 from support.waiting import PATIENCE, awaited
@@ -79,9 +79,7 @@ async def test_the_slider_shows_where_a_robot_was(hall: Hall, browser: Browser, 
             await page.get_by_label("Speed").select_option("10")
             await page.get_by_role("button", name="Play").click()
             await becomes(page, SHOWN, None, lambda shown: shown[0][1] >= 9)
-            async with page.expect_download() as download:
-                await page.get_by_role("link", name="Download CSV").click()
-            csv = (await (await download.value).path()).read_text(encoding="utf-8")
+            csv = await saved(page, page.get_by_role("link", name="Download CSV"), tmp_path)
             assert csv.count(",position,") == 3
             await page.get_by_role("link", name="All robots and orders").click()
             await expect(page.get_by_text("Replay:")).to_be_hidden()

@@ -27,7 +27,17 @@ from support.frames import (
     seconds_for_a_frame,
     seconds_for_the_yardstick,
 )
-from support.panel import COLOUR_NEAR, LABELS, Hall, becomes, opened, picture, plan_shown, seconds_now
+from support.panel import (
+    COLOUR_NEAR,
+    IN_FIREFOX,
+    LABELS,
+    Hall,
+    becomes,
+    opened,
+    picture,
+    plan_shown,
+    seconds_now,
+)
 from support.pausing import time_passes
 from support.plants import grid_plant
 
@@ -254,6 +264,7 @@ async def test_drawing_a_robot_takes_few_calls(hall: Hall, browser: Browser) -> 
 
 
 @pytest.mark.long
+@pytest.mark.skipif(IN_FIREFOX, reason="Firefox tells nobody the processor time of a page")
 async def test_two_hundred_robots_at_two_hertz_are_drawn_smoothly(hall: Hall, browser: Browser) -> None:
     """Count in the page's own processor time, in units of a yardstick: other work slows down both alike.
 

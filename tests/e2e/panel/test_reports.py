@@ -13,7 +13,7 @@ from playwright.async_api import Browser, Page, Route, expect
 from nena_shared.vda5050.topics import Topic
 from nena_status_aggregator.fleet.events import Code, Event
 from support.fleet_examples import connection, state
-from support.panel import LABELS, Hall, becomes, findings, fits, opened, picture, seconds_now
+from support.panel import LABELS, Hall, becomes, findings, fits, opened, picture, saved, seconds_now
 from support.panel_history import recorded, recorded_shift, yesterday
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -94,9 +94,7 @@ async def test_figures_are_those_of_the_hand_count(hall: Hall, browser: Browser,
             await picture(page, "reports")
             await page.get_by_role("heading", name="Waiting").evaluate("title => title.scrollIntoView()")
             await picture(page, "reports-robots")
-            async with page.expect_download() as download:
-                await page.get_by_role("link", name="Download CSV").click()
-            table = (await (await download.value).path()).read_text(encoding="utf-8")
+            table = await saved(page, page.get_by_role("link", name="Download CSV"), tmp_path)
             assert "orders,finished,,,4" in table
 
 

@@ -51,6 +51,12 @@ CORNERS = """() => {
 }"""
 """Whether both corners of the plant are visible on a map of its element's size."""
 
+SIZED = """() => {
+  const { view, canvas } = document.querySelector("nena-fleet-map");
+  return innerWidth === 1200 && view.width === canvas.clientWidth;
+}"""
+"""Whether the map has the size of its element in a window 1200 px wide."""
+
 
 PRESENT = """(button) => {
   button.click();
@@ -203,11 +209,16 @@ async def test_the_plant_fits_a_window_and_a_full_screen_until_it_is_moved(
             await becomes(page, CORNERS, None, bool)
             scale = "document.querySelector('nena-fleet-map').view.scale"
             await becomes(page, scale, None, lambda now: now > small)
-            await page.get_by_role("button", name="Full screen").click()
+            screen = page.get_by_role("button", name="Full screen")
+            await screen.click()
+            await becomes(page, "document.fullscreenElement?.id ?? ''", None, "map".__eq__)
             await becomes(page, CORNERS, None, bool)
             await page.get_by_role("button", name="Zoom in").click()
             chosen = await page.evaluate(scale)
+            await screen.click()  # WebDriver BiDi resizes no window that has the full screen
+            await becomes(page, "document.fullscreenElement?.id ?? ''", None, "".__eq__)
             await page.set_viewport_size({"width": 1200, "height": 900})
+            await becomes(page, SIZED, None, bool)
             assert await page.evaluate(scale) == chosen
 
 
