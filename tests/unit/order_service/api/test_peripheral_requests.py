@@ -7,7 +7,7 @@ from datetime import timedelta
 import pytest
 
 from nena_order_service.api.peripherals import PeripheralOperations
-from nena_order_service.errors import UnknownPeripheralJobError
+from nena_order_service.errors import UnknownError
 from nena_shared.fleet_api.peripherals import PeripheralJobRequest, PeripheralJobsQuery
 from nena_shared.plant import ExecutionTrigger
 from support.clocks import ManualClock
@@ -55,5 +55,5 @@ async def test_a_page_follows_the_job_that_the_previous_one_names() -> None:
 
     assert names(limit=2) == ["J-3", "J-2"]
     assert names(limit=2, after="J-2") == ["J-1", "J-0"]
-    with pytest.raises(UnknownPeripheralJobError):
+    with pytest.raises(UnknownError):
         names(after="J-9")

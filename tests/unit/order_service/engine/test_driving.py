@@ -9,7 +9,7 @@ from nena_order_service.api.vehicles import VehicleOperations
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.engine.driving import RELOCATION_PAUSE
 from nena_order_service.engine.engine import Engine
-from nena_order_service.errors import VehicleBusyError
+from nena_order_service.errors import RefusedError
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.fleet_api.requests import InstantActionRequest
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
@@ -207,7 +207,7 @@ async def test_a_robot_that_rests_in_the_way_makes_room_without_an_order() -> No
 
     vehicles = VehicleOperations(engine, OrderOperations(engine))
     shutdown = InstantActionRequest(action_type="shutdown")
-    with pytest.raises(VehicleBusyError, match="'V2' makes room for another vehicle"):
+    with pytest.raises(RefusedError, match="'V2' makes room for another vehicle"):
         await vehicles.send_instant_action("V2", shutdown)
 
     again = ScriptedFleet({"V1": "A", "V2": "B"})

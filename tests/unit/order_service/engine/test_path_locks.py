@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from nena_order_service.errors import UnknownPathError
+from nena_order_service.errors import UnknownError
 from nena_order_service.service import OrderService
 from nena_order_service.store.database import Changes
 from nena_shared.fleet_api.transport_order import TransportOrderState
@@ -29,7 +29,7 @@ async def test_lock_of_a_removed_path_is_ignored(service: OrderService) -> None:
     assert await service.store.drain(30)
     await service.hosts.locks.load()
     assert [path.name for path in service.hosts.locks.all() if path.locked] == [known]
-    with pytest.raises(UnknownPathError, match="gone"):
+    with pytest.raises(UnknownError, match="gone"):
         service.hosts.locks.get("gone")
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from nena_order_service.engine import stops as stops_module
 from nena_order_service.engine.engine import Engine
-from nena_order_service.errors import TooManyStopsError, UnknownStopError
+from nena_order_service.errors import RefusedError, UnknownError
 from nena_order_service.fleet.outputs import BrokerLinkChanged, RobotChanged
 from nena_shared.fleet_api.stops import Area, DirectStop, StopRequest
 from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderState
@@ -89,7 +89,7 @@ async def test_robots_continue_when_the_last_stop_ends() -> None:
     confirm(fleet, "V1", paused=False)
     assert not store.kept
     assert engine.stops.statuses() == ()
-    with pytest.raises(UnknownStopError, match=first.name):
+    with pytest.raises(UnknownError, match=first.name):
         engine.end_stop(first.name, "Anna", "again")
 
 
@@ -319,7 +319,7 @@ async def test_number_of_stops_is_limited(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(stops_module, "STOPS_LIMIT", 1)
     engine, _, _ = await stopped_engine()
     engine.begin_stop(ALL, "Anna")
-    with pytest.raises(TooManyStopsError, match="1 stops are active"):
+    with pytest.raises(RefusedError, match="1 stops are active"):
         engine.begin_stop(ALL, "Ben")
 
 

@@ -10,8 +10,9 @@ from structlog.testing import capture_logs
 from nena_order_service.engine.state import FleetState
 from nena_order_service.engine.status import Essentials
 from nena_order_service.engine.unit_of_work import UNPUBLISHED_AT_MOST, UnitOfWork
-from nena_order_service.errors import StoreNotReadyError, UnknownOrderError
+from nena_order_service.errors import StoreNotReadyError, UnknownError
 from nena_order_service.fleet.outputs import FleetOutput, RobotChanged
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from support.order_service import dispatchable_order
 from support.scripted_fleet import MemoryStore, key, make_state
@@ -89,8 +90,8 @@ def test_nothing_of_a_unit_that_fails_half_way_is_committed(work: Work, store: M
 
 
 def test_after_a_refused_request_work_continues(work: Work) -> None:
-    with pytest.raises(UnknownOrderError), work.unit.begin():
-        raise UnknownOrderError("T")
+    with pytest.raises(UnknownError), work.unit.begin():
+        raise UnknownError(Refusal.UNKNOWN_ORDER, "T")
     with work.unit.begin():
         pass
 
@@ -100,9 +101,9 @@ def test_a_request_that_is_refused_after_a_change_is_a_failure(work: Work, store
     def refuse_late() -> None:
         with work.unit.begin():
             work.state.orders.put(dispatchable_order())
-            raise UnknownOrderError("T")
+            raise UnknownError(Refusal.UNKNOWN_ORDER, "T")
 
-    with pytest.raises(UnknownOrderError):
+    with pytest.raises(UnknownError):
         refuse_late()
     assert store.commits == 0
     assert work.unit.failed.is_set()

@@ -20,6 +20,7 @@ from nena_order_service.orders.validation import InvalidRequestError, check_requ
 from nena_order_service.store.database import OrderFilter
 from nena_shared.fleet_api.operations import orders as table
 from nena_shared.fleet_api.reasons import explained
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.fleet_api.requests import (
     SOMEBODY,
     AssignmentQuery,
@@ -206,7 +207,7 @@ class OrderOperations:
         return order, False
 
     async def _find_ended_dependencies(self, request: TransportOrderRequest) -> dict[str, OrderOutcome]:
-        """Return the outcomes of ended dependencies; raises UnknownDependencyError."""
+        """Return the outcomes of ended dependencies; raises RefusedError."""
         ended: dict[str, OrderOutcome] = {}
         unknown: list[str] = []
         for name in request.dependencies:
@@ -217,7 +218,9 @@ class OrderOperations:
                 ended[name] = outcome
         # 0027: dependencies exist before the order, so there are no cycles to search for.
         if unknown:
-            raise errors.UnknownDependencyError(unknown)
+            names = " or ".join(map(repr, unknown))
+            text = f"There is no transport order {names} to depend on. Create the dependencies first."
+            raise errors.RefusedError(Refusal.UNKNOWN_DEPENDENCY, text)
         return ended
 
     async def _check_sequence(self, request: TransportOrderRequest) -> None:
@@ -228,9 +231,11 @@ class OrderOperations:
         sequence = sequences.named(name) or await self._engine.store.read_sequence(name=name)
         sequence = sequences.named(name) or sequence  # it may have changed while the store was read
         if sequence is None:
-            raise errors.UnknownSequenceError(name)
+            raise errors.UnknownError(Refusal.UNKNOWN_SEQUENCE, name)
         if reasons := tuple(sequence.refusals(request)):
-            raise errors.SequenceRefusesError(name, reasons)
+            raise errors.RefusedError(
+                Refusal.SEQUENCE_REFUSES, f"Order sequence {name!r} refuses this order: {'; '.join(reasons)}."
+            )
 
     async def list_orders(self, request: TransportOrdersQuery) -> Reply:
         """Return a page of orders, newest first."""
@@ -271,10 +276,10 @@ class OrderOperations:
             before_number, left = orders[-1].number, left - limit
 
     async def find_status(self, name: str) -> TransportOrderStatus:
-        """Return the status of an order; raises UnknownOrderError."""
+        """Return the status of an order; raises UnknownError."""
         order = self._orders.visible_named(name) or await self._engine.store.read_order(name=name)
         if order is None:
-            raise errors.UnknownOrderError(name)
+            raise errors.UnknownError(Refusal.UNKNOWN_ORDER, name)
         return order.status
 
     async def find_delivery(self, name: str) -> DeliveryStatus:
@@ -311,7 +316,7 @@ class OrderOperations:
         order, changes = await self._unfinished_order(name, seen), request.changes
         vehicle, sequence = changes.get("intended_vehicle"), order.status.wrapping_sequence
         if vehicle is not None and self._engine.registry.named(vehicle) is None:
-            raise errors.UnknownVehicleError(vehicle)
+            raise errors.UnknownError(Refusal.UNKNOWN_VEHICLE, vehicle)
         if order.state not in (TransportOrderState.ACTIVE, TransportOrderState.DISPATCHABLE):
             raise errors.OrderAssignedError(name, f"it is {order.state} with vehicle {order.vehicle!r}")
         if "intended_vehicle" in changes and sequence is not None:
@@ -335,7 +340,8 @@ class OrderOperations:
         """Hold an order until it is resumed; an order that is already held keeps its holder."""
         order = await self._unfinished_order(name, seen)
         if order.state is TransportOrderState.WITHDRAWN:
-            raise errors.OrderWithdrawnError(name)
+            text = f"Transport order {name!r} is already withdrawn and ends as soon as its vehicle stops."
+            raise errors.RefusedError(Refusal.ORDER_WITHDRAWN, text)
         async with self._engine.unit_of_work.saved():
             by = request.by or caller
             self._engine.hold(order.number, by, request.reason, immediate=request.immediate)
@@ -354,7 +360,7 @@ class OrderOperations:
         """Return an order that can be changed, if it is unchanged since the caller has ``seen`` it."""
         order = self._orders.named(name) or await self._engine.store.read_order(name=name)
         if order is None:
-            raise errors.UnknownOrderError(name)
+            raise errors.UnknownError(Refusal.UNKNOWN_ORDER, name)
         if order.state.final:
             raise errors.OrderEndedError(name, order.state)
         check_version(name, order.status.version, seen)
@@ -425,9 +431,13 @@ def delivery_status(order: TransportOrderStatus, view: RobotView | None) -> Deli
 
 
 def check_version(name: str, version: int, seen: ETag | None) -> None:
-    """Raise VersionChangedError if an object has another version than the caller has ``seen``; None: any."""
+    """Raise RefusedError if an object has another version than the caller has ``seen``; None: any."""
     if seen is not None and not seen.fits(version):
-        raise errors.VersionChangedError(name, str(seen), version)
+        raise errors.RefusedError(
+            Refusal.VERSION_CHANGED,
+            f"{name!r} has changed: it is at version {version}, the request expects {seen}. "
+            "Fetch the latest version and retry.",
+        )
 
 
 def _exact_name(request: TransportOrderRequest) -> str | None:

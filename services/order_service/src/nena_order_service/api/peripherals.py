@@ -8,12 +8,7 @@ from itertools import dropwhile, islice
 from nena_order_service.api.operations import Handler, page_of
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.peripherals import JOB_PREFIX
-from nena_order_service.errors import (
-    NameTakenError,
-    PeripheralJobEndedError,
-    UnknownPeripheralError,
-    UnknownPeripheralJobError,
-)
+from nena_order_service.errors import NameTakenError, RefusedError, UnknownError
 from nena_order_service.orders.transport_order import sortable_id
 from nena_order_service.orders.validation import Finding, InvalidRequestError
 from nena_order_service.peripherals.jobs import PeripheralJob
@@ -27,6 +22,7 @@ from nena_shared.fleet_api.peripherals import (
     PeripheralStatus,
 )
 from nena_shared.fleet_api.reasons import Reason
+from nena_shared.fleet_api.refusals import Refusal
 
 
 class PeripheralOperations:
@@ -54,16 +50,16 @@ class PeripheralOperations:
         )
 
     def find_status(self, name: str) -> PeripheralStatus:
-        """Return the device of a location; raises UnknownPeripheralError."""
+        """Return the device of a location; raises UnknownError."""
         if name not in self._peripherals.operations:
-            raise UnknownPeripheralError(name)
+            raise UnknownError(Refusal.UNKNOWN_PERIPHERAL, name)
         return self._peripherals.device_status(name)
 
     def list_jobs(self, request: PeripheralJobsQuery) -> PeripheralJobList:
         """Return a page of jobs, the newest first.
 
         Raises:
-            UnknownPeripheralJobError: there is no job with the name ``after``, or it is no longer in memory.
+            UnknownError: there is no job with the name ``after``, or it is no longer in memory.
 
         """
         jobs = iter(self._jobs.all_visible())
@@ -75,21 +71,21 @@ class PeripheralOperations:
         return PeripheralJobList(peripheral_jobs=page, next=following)
 
     def find_job(self, name: str) -> PeripheralJobStatus:
-        """Return a job; raises UnknownPeripheralJobError."""
+        """Return a job; raises UnknownError."""
         return self._peripherals.job_status(self._visible_job(name))
 
     async def create_job(self, request: PeripheralJobRequest) -> PeripheralJobStatus:
         """Create a job.
 
         Raises:
-            UnknownPeripheralError: no device is at the location.
+            UnknownError: no device is at the location.
             InvalidRequestError: the device has no such operation.
             NameTakenError: a job has this name.
 
         """
         possible = self._peripherals.operations.get(request.location)
         if possible is None:
-            raise UnknownPeripheralError(request.location)
+            raise UnknownError(Refusal.UNKNOWN_PERIPHERAL, request.location)
         if request.operation not in possible:
             text = (
                 f"peripheral operation {request.operation!r} is not possible at {request.location!r}; "
@@ -104,10 +100,11 @@ class PeripheralOperations:
         return self.find_job(name)
 
     async def withdraw_job(self, name: str, reason: str) -> PeripheralJobStatus:
-        """Withdraw a job; raises UnknownPeripheralJobError or PeripheralJobEndedError."""
+        """Withdraw a job; raises UnknownError or RefusedError."""
         job = self._visible_job(name)
         if job.over:
-            raise PeripheralJobEndedError(name, job.status.state)
+            text = f"Peripheral job {name!r} is already {job.status.state} and cannot be withdrawn."
+            raise RefusedError(Refusal.JOB_ENDED, text)
         async with self._engine.unit_of_work.saved():
             self._engine.withdraw_peripheral_job(name, reason)
         return self.find_job(name)
@@ -115,7 +112,7 @@ class PeripheralOperations:
     def _visible_job(self, name: str) -> PeripheralJob:
         job = self._jobs.visible(name)
         if job is None:
-            raise UnknownPeripheralJobError(name)
+            raise UnknownError(Refusal.UNKNOWN_JOB, name)
         return job
 
 

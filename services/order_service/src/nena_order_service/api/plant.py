@@ -17,7 +17,7 @@ from nena_order_service.api.operations import Handler, page_of
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.engine.status import current_position
-from nena_order_service.errors import UnknownLocationError, UnknownPointError, UnknownVehicleError
+from nena_order_service.errors import UnknownError
 from nena_order_service.plant_file import read_plant
 from nena_shared.fleet_api.audit import AuditInterface
 from nena_shared.fleet_api.operations import plant as table
@@ -33,6 +33,7 @@ from nena_shared.fleet_api.places import (
     PointStatus,
 )
 from nena_shared.fleet_api.plant import PathPage, PathsQuery, PathStatus, PlantModelChange
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.plant import Location, PlantModel, Point
 from nena_shared.plant.model import NO_OPERATION
 
@@ -106,13 +107,12 @@ class PlantOperations:
         """Return a page of points.
 
         Raises:
-            UnknownPointError: no point has the name ``after``.
-            UnknownVehicleError: no vehicle has the name that is asked for.
+            UnknownError: no point has the name ``after``, or no vehicle the one that is asked for.
 
         """
         holders, vehicle = self._engine.traffic.scheduler.holders_of, request.vehicle
         if vehicle is not None and self._engine.registry.named(vehicle) is None:
-            raise UnknownVehicleError(vehicle)
+            raise UnknownError(Refusal.UNKNOWN_VEHICLE, vehicle)
         if request.after is not None:
             self._find_point(request.after)
         occupants = self._vehicles_by_point()
@@ -130,7 +130,7 @@ class PlantOperations:
         return PointPage(points=tuple(statuses), next=following)
 
     def find_point_status(self, name: str) -> PointStatus:
-        """Return a point; raises UnknownPointError."""
+        """Return a point; raises UnknownError."""
         point = self._find_point(name)
         return self._point_status(point, self._vehicles_by_point().get(name, ()))
 
@@ -138,8 +138,7 @@ class PlantOperations:
         """Return a page of locations.
 
         Raises:
-            UnknownLocationError: no location has the name ``after``.
-            UnknownPointError: no point has the name that is asked for.
+            UnknownError: no location has the name ``after``, or no point the one that is asked for.
 
         """
         if request.after is not None:
@@ -163,14 +162,14 @@ class PlantOperations:
         return bool(points) if query.point is None else query.point in points
 
     def find_location_status(self, name: str) -> LocationStatus:
-        """Return a location; raises UnknownLocationError."""
+        """Return a location; raises UnknownError."""
         location = self._plant.locations_by_name.get(name)
         if location is None:
-            raise UnknownLocationError(name)
+            raise UnknownError(Refusal.UNKNOWN_LOCATION, name)
         return self._location_status(location)
 
     def list_paths(self, request: PathsQuery) -> PathPage:
-        """Return a page of paths; raises UnknownPathError if none has the name ``after``."""
+        """Return a page of paths; raises UnknownError if none has the name ``after``."""
         if request.after is not None:
             self._locks.get(request.after)
         paths = _objects_behind(self._locks.all(), request.after)
@@ -182,7 +181,7 @@ class PlantOperations:
     def _find_point(self, name: str) -> Point:
         point = self._plant.points_by_name.get(name)
         if point is None:
-            raise UnknownPointError(name)
+            raise UnknownError(Refusal.UNKNOWN_POINT, name)
         return point
 
     def _vehicles_by_point(self) -> Mapping[str, Sequence[str]]:

@@ -12,6 +12,7 @@ from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import sortable_id
 from nena_order_service.store.database import SequenceFilter
 from nena_shared.fleet_api.operations import sequences as table
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.fleet_api.requests import OrderSequencePage, OrderSequencesQuery
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest, OrderSequenceStatus
 from nena_shared.log import get_logger
@@ -39,7 +40,7 @@ class SequenceOperations:
         """Create a sequence; return it with False if the same request created it before."""
         vehicle = request.intended_vehicle
         if vehicle is not None and vehicle not in self._engine.registry.names():
-            raise errors.UnknownVehicleError(vehicle)
+            raise errors.UnknownError(Refusal.UNKNOWN_VEHICLE, vehicle)
         exact_name = None if request.incomplete_name else request.name
         sequence = await self._find_sequence(exact_name, request.idempotency_key)
         if sequence is None:
@@ -58,7 +59,7 @@ class SequenceOperations:
         """Mark a sequence complete: no more orders can join. A complete sequence stays unchanged."""
         sequence = await self._find_sequence(name, None)
         if sequence is None:
-            raise errors.UnknownSequenceError(name)
+            raise errors.UnknownError(Refusal.UNKNOWN_SEQUENCE, name)
         sequence = self._sequences.named(name) or sequence  # it may have changed while the store was read
         check_version(name, sequence.status.version, seen)
         async with self._engine.unit_of_work.saved():
@@ -89,7 +90,7 @@ class SequenceOperations:
         """Return a sequence."""
         sequence = self._sequences.visible(name) or await self._engine.store.read_sequence(name=name)
         if sequence is None:
-            raise errors.UnknownSequenceError(name)
+            raise errors.UnknownError(Refusal.UNKNOWN_SEQUENCE, name)
         return sequence.status
 
     async def _find_sequence(self, name: str | None, key: str | None) -> OrderSequence | None:

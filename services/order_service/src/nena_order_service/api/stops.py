@@ -23,13 +23,13 @@ class StopOperations:
         yield Handler(table.END_STOP, self.end, {"by": "Ben", "reason": "cleaned"})
 
     async def begin(self, request: StopRequest, caller: str) -> StopStatus:
-        """Pause all robots, or those in an area; raises TooManyStopsError."""
+        """Pause all robots, or those in an area; raises RefusedError."""
         async with self._engine.unit_of_work.saved():
             stop = self._engine.begin_stop(request, request.by or caller)
         return self._engine.stops.status_of(stop)
 
     async def end(self, name: str, request: StopEndRequest, caller: str) -> StopStatus:
-        """End a stop; raises UnknownStopError."""
+        """End a stop; raises UnknownError."""
         self._engine.stops.get(name)
         async with self._engine.unit_of_work.saved():
             stop = self._engine.end_stop(name, request.by or caller, request.reason)

@@ -10,18 +10,14 @@ from nena_order_service.api.operations import Handler, Reply, page_of
 from nena_order_service.api.orders import OrderOperations
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.stops import STOP_PAUSE
-from nena_order_service.errors import (
-    UnknownVehicleError,
-    VehicleBusyError,
-    VehicleNotReachedError,
-    VehicleStoppedError,
-)
+from nena_order_service.errors import RefusedError, UnknownError, VehicleNotReachedError
 from nena_order_service.fleet.instant_actions import LEAVES, START_PAUSE
 from nena_order_service.fleet.robot import NOT_REACHED, LinkStatus
 from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.operations import vehicles as table
 from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.fleet_api.requests import (
     SOMEBODY,
     DispatchRequest,
@@ -187,16 +183,22 @@ class VehicleOperations:
         )
         # 0048: VDA 5050 lets the robot clear its order; a host withdraws it, so that its end has a reason.
         if action_type in LEAVES and has_order:
-            raise VehicleBusyError(
-                vehicle.name, self._engine.reporter.vehicle_status(vehicle).transport_order or ""
-            )
+            order = self._engine.reporter.vehicle_status(vehicle).transport_order
+            text = "makes room for another vehicle. Retry when it has arrived."
+            if order:
+                text = f"works on order {order!r}. Wait for its end, or withdraw it."
+            raise RefusedError(Refusal.VEHICLE_BUSY, f"Vehicle {vehicle.name!r} {text}")
         if action_type == START_PAUSE:
             # 0054: a robot that a person pauses stays paused at the end of a stop.
             self._engine.person_pauses(vehicle)
         elif action_type == STOP_PAUSE:
             # 0054: who ends the stop decides for all of its robots.
             if stop := self._engine.stops.stop_of(vehicle):
-                raise VehicleStoppedError(vehicle.name, stop.name, str(stop.as_reason))
+                raise RefusedError(
+                    Refusal.VEHICLE_STOPPED,
+                    f"Vehicle {vehicle.name!r} cannot continue: {stop.as_reason}. "
+                    f"End the stop {stop.name!r} first.",
+                )
             self._engine.stops.person_resumes(vehicle)
 
     def _pose_parameters(self, vehicle: FleetVehicle, wanted: InitialPose) -> Iterator[ActionParameter]:
@@ -223,5 +225,5 @@ class VehicleOperations:
     def _find_vehicle(self, name: str) -> FleetVehicle:
         vehicle = self._engine.registry.named(name)
         if vehicle is None:
-            raise UnknownVehicleError(name)
+            raise UnknownError(Refusal.UNKNOWN_VEHICLE, name)
         return vehicle

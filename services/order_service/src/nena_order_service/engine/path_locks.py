@@ -8,11 +8,12 @@ from itertools import islice
 from typing import Final
 
 from nena_order_service.engine.engine import Engine
-from nena_order_service.errors import UnknownPathError
+from nena_order_service.errors import UnknownError
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing.graph import NoRouteError
 from nena_order_service.store.database import Changes
 from nena_shared.fleet_api.plant import PathLockPreview, PathStatus
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.fleet_api.requests import SOMEBODY
 from nena_shared.fleet_api.stops import SetBy
 from nena_shared.log import get_logger
@@ -52,14 +53,14 @@ class PathLocks:
         return tuple(map(self._status_of, self._plant.paths))
 
     def get(self, name: str) -> PathStatus:
-        """Return a path; raises UnknownPathError."""
+        """Return a path; raises UnknownError."""
         return self._status_of(self._existing_path(name))
 
     async def set(self, name: str, *, locked: bool, by: str = SOMEBODY) -> PathStatus:
         """Lock or unlock a path for ``by``; the change is committed on return.
 
         Raises:
-            UnknownPathError: no such path.
+            UnknownError: no such path.
             StoreNotReadyError: the change may be lost.
 
         """
@@ -85,7 +86,7 @@ class PathLocks:
         return self._status_of(path)
 
     def preview(self, names: Sequence[str]) -> PathLockPreview:
-        """Return what locks of these paths would leave without a route; raises UnknownPathError."""
+        """Return what locks of these paths would leave without a route; raises UnknownError."""
         avoid = frozenset(self._existing_path(name).name for name in names)
         engine, stranded = self._engine, dict[str, str]()
         places = {
@@ -124,7 +125,7 @@ class PathLocks:
     def _existing_path(self, name: str) -> Path:
         path = self._plant.paths_by_name.get(name)
         if path is None:
-            raise UnknownPathError(name)
+            raise UnknownError(Refusal.UNKNOWN_PATH, name)
         return path
 
     def _status_of(self, path: Path) -> PathStatus:

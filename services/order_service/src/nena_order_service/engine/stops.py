@@ -18,7 +18,7 @@ from typing import Final, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from nena_order_service.engine.context import Context
-from nena_order_service.errors import TooManyStopsError, UnknownStopError
+from nena_order_service.errors import RefusedError, UnknownError
 from nena_order_service.fleet.instant_actions import START_PAUSE
 from nena_order_service.fleet.outputs import InstantActionEnded
 from nena_order_service.fleet.robot import NOT_REACHED, LinkStatus, RobotView
@@ -26,6 +26,7 @@ from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.traffic.areas import resources_in
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.fleet_api.stops import (
     Area,
     DirectStop,
@@ -161,15 +162,16 @@ class Stops:
         return next((stop for stop in self._stops.values() if stop.area is None), None)
 
     def get(self, name: str) -> FleetStop:
-        """Return an active stop; raises UnknownStopError."""
+        """Return an active stop; raises UnknownError."""
         if name not in self._stops:
-            raise UnknownStopError(name)
+            raise UnknownError(Refusal.UNKNOWN_STOP, name)
         return self._stops[name]
 
     def begin(self, request: StopRequest, by: str) -> FleetStop:
-        """Begin a stop; raises TooManyStopsError."""
+        """Begin a stop; raises RefusedError."""
         if len(self._stops) >= STOPS_LIMIT:
-            raise TooManyStopsError(STOPS_LIMIT)
+            text = f"{STOPS_LIMIT} stops are active. End one of them first."
+            raise RefusedError(Refusal.TOO_MANY_STOPS, text)
         stop = FleetStop(
             number=self._next_number(),
             name=f"stop-{unique_id()[:8]}",
@@ -223,7 +225,7 @@ class Stops:
         log.warning("robots stopped", stop=stop.name, by=stop.by, reason=stop.reason, area=bool(stop.area))
 
     def end(self, name: str, by: str, reason: str) -> FleetStop:
-        """End a stop; raises UnknownStopError."""
+        """End a stop; raises UnknownError."""
         stop = self.get(name)
         del self._stops[name], self._resources[name]
         self._lock_areas(stop)

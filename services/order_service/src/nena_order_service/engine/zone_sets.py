@@ -11,13 +11,14 @@ from functools import partial
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from nena_order_service.engine.engine import Engine
-from nena_order_service.errors import UnknownZoneSetError, ZoneSetChangedError
+from nena_order_service.errors import RefusedError, UnknownError
 from nena_order_service.fleet.outputs import InstantActionEnded
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.store.database import Changes
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.plant import ZoneOutline, ZoneSetAtVehicle, ZoneSetPhase, ZoneSetStatus
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.log import get_logger
 from nena_shared.tasks import forever
 from nena_shared.vda5050.action import Action, ActionParameter, ActionStatus, BlockingType
@@ -157,23 +158,27 @@ class ZoneSets:
         return tuple(map(self._status_of, self._wanted.values()))
 
     def get(self, name: str) -> ZoneSetStatus:
-        """Return a zone set; raises UnknownZoneSetError."""
+        """Return a zone set; raises UnknownError."""
         if name not in self._wanted:
-            raise UnknownZoneSetError(name)
+            raise UnknownError(Refusal.UNKNOWN_ZONE_SET, name)
         return self._status_of(self._wanted[name])
 
     async def put(self, zone_set: ZoneSet) -> ZoneSetStatus:
         """Store a zone set for all robots; the change is committed on return.
 
         Raises:
-            ZoneSetChangedError: a different zone set with this ID is stored.
+            RefusedError: a different zone set with this ID is stored.
             StoreNotReadyError: the change may be lost.
         """
         previous = self._requested.get(zone_set.zone_set_id)
         # VDA 5050 3.0, 6.4: the content of a zoneSetId never changes; robots reject another one
         # (DUPLICATE_ZONE_SET), and states, which name the ID only, would not show which one a robot has.
         if previous and previous.zone_set != zone_set:
-            raise ZoneSetChangedError(zone_set.zone_set_id)
+            raise RefusedError(
+                Refusal.ZONE_SET_CHANGED,
+                f"A different zone set {zone_set.zone_set_id!r} already exists, and a stored zone set never "
+                "changes. Choose a new zoneSetId.",
+            )
         enabled = previous is not None and previous.enabled and not previous.deleted
         return await self._change(WantedZoneSet(zone_set=zone_set, enabled=enabled))
 
@@ -210,7 +215,7 @@ class ZoneSets:
 
     def _requested_state(self, name: str) -> WantedZoneSet:
         if name not in self._requested:
-            raise UnknownZoneSetError(name)
+            raise UnknownError(Refusal.UNKNOWN_ZONE_SET, name)
         return self._requested[name]
 
     def send_due_steps(self) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.errors import NoBlackBoxError, RecordingNotWrittenError
+from nena_order_service.errors import RefusedError
 from nena_order_service.extensions.black_box import BlackBoxSettings, make_black_box, request_recording
 from nena_order_service.extensions.black_box.recorder import DecisionRecorder
 from nena_order_service.fleet import outputs
@@ -233,9 +233,9 @@ async def test_a_request_returns_the_file(recorded: Recorded, tmp_path: Path) ->
 
 async def test_a_request_says_what_is_wrong(tmp_path: Path) -> None:
     assert make_black_box(BlackBoxSettings(), FleetTopics(), ManualClock()) is None
-    with pytest.raises(NoBlackBoxError, match=r"black_box\.enabled"):
+    with pytest.raises(RefusedError, match=r"black_box\.enabled"):
         await request_recording(None)
     (tmp_path / "recordings").write_text("no folder")
     box = make_black_box(with_box(tmp_path), FleetTopics(), ManualClock())
-    with pytest.raises(RecordingNotWrittenError, match=r"upload\.folder"):
+    with pytest.raises(RefusedError, match=r"upload\.folder"):
         await request_recording(box)

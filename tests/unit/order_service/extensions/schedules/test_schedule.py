@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from nena_order_service.errors import InvalidScheduleError
+from nena_order_service.errors import RefusedError
 from nena_order_service.extensions.schedules.schedule import (
     LOOK_BACK,
     ON_TIME,
@@ -206,13 +206,13 @@ def test_progress() -> None:
     ],
 )
 def test_invalid_schedule(fields: dict[str, Any], problem: str) -> None:
-    with pytest.raises(InvalidScheduleError) as caught:
+    with pytest.raises(RefusedError) as caught:
         check_schedule("S", definition(**fields), NOW)
     assert problem in "\n".join(caught.value.problems)
 
 
 def test_all_problems_are_reported_at_once() -> None:
-    with pytest.raises(InvalidScheduleError) as caught:
+    with pytest.raises(RefusedError) as caught:
         check_schedule(".x/y", definition("0 25 * * *", "Mars"), NOW)
     assert len(caught.value.problems) == 3
 
@@ -232,7 +232,7 @@ def test_any_text_is_a_cron_expression_or_refused(cron: str) -> None:
     assume(cron)
     try:
         check_schedule("S", definition(cron), NOW)
-    except InvalidScheduleError:
+    except RefusedError:
         return
     assert next(planned_times(definition(cron), NOW)) > NOW
 

@@ -12,7 +12,7 @@ from nena_order_service.engine.state import PERIPHERAL_JOB
 from nena_order_service.engine.stops import STOP
 from nena_order_service.engine.zone_sets import KIND as ZONE_SET
 from nena_order_service.engine.zone_sets import WantedZoneSet, ZoneSets
-from nena_order_service.errors import UnknownStopError, UnknownZoneSetError
+from nena_order_service.errors import UnknownError
 from nena_order_service.store.database import Changes
 from nena_shared.log import get_logger
 
@@ -81,7 +81,7 @@ class ObjectStates:
         return {"locked": self._engine.context.finder.is_locked(name)} if is_path else None
 
     def _stop_state(self, name: str, _: Changes) -> State | None:
-        with suppress(UnknownStopError):
+        with suppress(UnknownError):
             return {"active": bool(self._engine.stops.get(name))}
         return {"active": False} if name else None
 
@@ -90,7 +90,7 @@ class ObjectStates:
         return {"state": job.status.state.value} if job else None
 
     def _zone_set(self, name: str, changes: Changes) -> State | None:
-        with suppress(UnknownZoneSetError):
+        with suppress(UnknownError):
             document = changes.documents.get((ZONE_SET, name))
             zone_set = WantedZoneSet.model_validate_json(document) if document else self._zones.get(name)
             return {"enabled": zone_set.enabled, "deleted": zone_set.deleted}

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Final
 from pydantic import Field
 
 from nena_order_service.api.operations import Handler
-from nena_order_service.errors import NoBlackBoxError, RecordingNotWrittenError
+from nena_order_service.errors import RefusedError
 from nena_order_service.extension import Core, Extension
 from nena_order_service.extensions.black_box.recorder import DecisionRecorder
 from nena_order_service.fleet.outputs import FleetOutput, Publish
@@ -18,6 +18,7 @@ from nena_shared.extensions.black_box.metrics import recording_metrics
 from nena_shared.extensions.black_box.settings import OutgoingSettings, RingSettings
 from nena_shared.fleet_api.operations.fleet import FETCH_RECORDING
 from nena_shared.fleet_api.recordings import RecordingAnswer
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.fleet_api.topics import ORDER_SERVICE, FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
@@ -120,13 +121,14 @@ async def request_recording(box: BlackBox | None) -> RecordingAnswer:
     """Write the decisions of the last minutes to a file.
 
     Raises:
-        NoBlackBoxError: it is disabled.
-        RecordingNotWrittenError: the disk fails.
+        RefusedError: it is disabled, or the disk fails.
     """
     if box is None:
-        raise NoBlackBoxError
+        text = "Recording is off. Set black_box.enabled and restart the order service."
+        raise RefusedError(Refusal.NO_BLACK_BOX, text)
     try:
         name = await box.request()
     except OSError as error:
-        raise RecordingNotWrittenError(error) from error
+        text = f"The recording was not written: {error}. Check the disk and upload.folder."
+        raise RefusedError(Refusal.RECORDING_NOT_WRITTEN, text) from error
     return RecordingAnswer(robot=str(ORDER_SERVICE), name=name, sent=box.outgoing.uploader is not None)

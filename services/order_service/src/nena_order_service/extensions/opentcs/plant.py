@@ -19,11 +19,12 @@ from pydantic import JsonValue
 from starlette.exceptions import HTTPException
 
 from nena_order_service.engine.path_locks import PathLocks
-from nena_order_service.errors import InvalidPlantError, UnknownVehicleError
+from nena_order_service.errors import InvalidPlantError, UnknownError
 from nena_order_service.extension import EditPlant
 from nena_order_service.extensions.opentcs.answers import Body
 from nena_order_service.plant_file import read_plant
 from nena_plant_formats.opentcs_xml.writer import VERSION, add
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.plant import EnergyThresholds, ObjectKind, PlantModel, PlantModelError, PlantProblem
 
 ChangePlant = Callable[[PlantModel | EditPlant], Awaitable[None]]
@@ -349,7 +350,7 @@ def add_routes(app: FastAPI, plant: PlantModel, locks: PathLocks, change_plant: 
 def _add_vehicle_data(app: FastAPI, plant: PlantModel, change_plant: ChangePlant) -> None:
     async def change_vehicle(name: str, **fields: object) -> None:
         if name not in plant.vehicles_by_name:
-            raise UnknownVehicleError(name)
+            raise UnknownError(Refusal.UNKNOWN_VEHICLE, name)
         await change_plant(lambda present: _change_object(present, "vehicles", name, **fields))
 
     @app.put("/v1/vehicles/{name:path}/energyLevelThresholdSet", response_class=Response)

@@ -11,12 +11,7 @@ from typing import Any, Final, TypeVar
 from pydantic import ValidationError
 
 from nena_order_service.api.plant import change_of
-from nena_order_service.errors import (
-    InvalidPlantError,
-    PlantDraftChangedError,
-    TooManyPlantDraftsError,
-    UnknownPlantDraftError,
-)
+from nena_order_service.errors import InvalidPlantError, RefusedError, UnknownError
 from nena_order_service.extension import Core
 from nena_order_service.extensions.plant_drafts.difference import (
     find_closed,
@@ -46,6 +41,7 @@ from nena_shared.fleet_api.plant_drafts import (
     PlantFinding,
     SavedPlantDraft,
 )
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.plant import PlantModel, PlantModelError
 
 DRAFT: Final = "plantDraft"
@@ -90,7 +86,7 @@ class Drafts:
         return PlantDraftList(drafts=tuple(self._drafts[name] for name in sorted(self._drafts)))
 
     async def show(self, name: str, request: PlantDraftQuery, caller: str) -> PlantDraft:
-        """Return a draft, and note that the caller has it open; raises UnknownPlantDraftError."""
+        """Return a draft, and note that the caller has it open; raises UnknownError."""
         status, now = self.status(name), self._core.clock.monotonic()
         if request.session:
             self._open[name, request.session] = (caller, now)
@@ -116,9 +112,8 @@ class Drafts:
 
         Raises:
             InvalidPlantError: it is no plant model.
-            UnknownPlantDraftError: the draft was deleted, or there is no such version of the plant.
-            PlantDraftChangedError: somebody else has saved it.
-            TooManyPlantDraftsError: no more drafts can be stored.
+            UnknownError: the draft was deleted, or there is no such version of the plant.
+            RefusedError: somebody else has saved it, or no more drafts can be stored.
             StoreNotReadyError: the change may be lost.
 
         """
@@ -129,7 +124,8 @@ class Drafts:
                 return SavedPlantDraft(**dict(self._drafts[name]), findings=findings), request.version is None
             self._check_version(name, request.version)
             if name not in self._drafts and len(self._drafts) >= DRAFTS_LIMIT:
-                raise TooManyPlantDraftsError(DRAFTS_LIMIT)
+                text = f"There are {DRAFTS_LIMIT} drafts already. Delete one of them first."
+                raise RefusedError(Refusal.TOO_MANY_PLANT_DRAFTS, text)
             status = PlantDraftStatus(
                 name=name,
                 version=(request.version or 0) + 1,
@@ -153,20 +149,20 @@ class Drafts:
         return await self._core.store.document(DRAFT_MODEL, name) == text
 
     async def delete(self, name: str) -> PlantDraftStatus:
-        """Delete a draft, and return what it was; raises UnknownPlantDraftError and StoreNotReadyError."""
+        """Delete a draft, and return what it was; raises UnknownError and StoreNotReadyError."""
         async with self._one_by_one:
             status = self.status(name)
             await self._commit(name, None, None)
         return status
 
     async def compare(self, name: str, request: PlantDifferencesQuery) -> PlantDifferences:
-        """Return what a draft changes; raises UnknownPlantDraftError."""
+        """Return what a draft changes; raises UnknownError."""
         model = await self._model(name)
         other = await self._versions.model(request.with_version)
         return await asyncio.to_thread(find_differences, other, model)
 
     async def export(self, name: str, request: PlantFileQuery) -> PlantFileContent:
-        """Return a draft as a file; raises UnknownPlantDraftError, and InvalidPlantError if it has errors."""
+        """Return a draft as a file; raises UnknownError, and InvalidPlantError if it has errors."""
         model = await self._model(name)
         _refuse_errors(find_findings(model))
         at = self._core.clock.now()
@@ -181,8 +177,8 @@ class Drafts:
         """Make a draft the active plant, or only check whether that is possible.
 
         Raises:
-            UnknownPlantDraftError: no such draft.
-            PlantDraftChangedError: somebody else has saved it.
+            UnknownError: no such draft.
+            RefusedError: somebody else has saved it.
             InvalidPlantError: it has errors.
             PlantInUseError: orders or vehicles use objects that it lacks.
             StoreNotReadyError: it may not be activated.
@@ -204,34 +200,38 @@ class Drafts:
         return self._drafts[name].model_dump(mode="json", by_alias=True) if name in self._drafts else None
 
     def status(self, name: str) -> PlantDraftStatus:
-        """Return a draft without its model; raises UnknownPlantDraftError."""
+        """Return a draft without its model; raises UnknownError."""
         if name not in self._drafts:
-            raise UnknownPlantDraftError(name)
+            raise UnknownError(Refusal.UNKNOWN_PLANT_DRAFT, name)
         return self._drafts[name]
 
     def _check_version(self, name: str, version: int | None) -> None:
         stored = self._drafts.get(name)
         if stored is None and version is not None:
-            raise UnknownPlantDraftError(name)
+            raise UnknownError(Refusal.UNKNOWN_PLANT_DRAFT, name)
         if stored and stored.version != version:
-            raise PlantDraftChangedError(name, stored.version, stored.by, iso(stored.changed))
+            raise RefusedError(
+                Refusal.PLANT_DRAFT_CHANGED,
+                f"{stored.by} saved version {stored.version} of the draft {name!r} at {iso(stored.changed)}; "
+                "nothing was changed. Open that version, or save yours under another name.",
+            )
 
     async def text(self, name: str) -> str:
-        """Return the model of a draft in NeNa's JSON; raises UnknownPlantDraftError."""
+        """Return the model of a draft in NeNa's JSON; raises UnknownError."""
         self.status(name)
         found = await self._core.store.document(DRAFT_MODEL, name)
         if found is None:  # deleted meanwhile
-            raise UnknownPlantDraftError(name)
+            raise UnknownError(Refusal.UNKNOWN_PLANT_DRAFT, name)
         return found
 
     async def map(self, name: str) -> Any:  # noqa: ANN401 - see keep_map
-        """Return the map that was kept with a draft, or None; raises UnknownPlantDraftError."""
+        """Return the map that was kept with a draft, or None; raises UnknownError."""
         self.status(name)
         found = await self._core.store.document(DRAFT_MAP, name)
         return json.loads(found) if found else None
 
     async def keep_map(self, name: str, document: str) -> None:
-        """Keep a map, in JSON, with a draft; raises UnknownPlantDraftError."""
+        """Keep a map, in JSON, with a draft; raises UnknownError."""
         async with self._one_by_one:
             self.status(name)
             changes = Changes(documents={(DRAFT_MAP, name): document})

@@ -17,7 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from nena_order_service.errors import PlantRunGoesOnError
+from nena_order_service.errors import RefusedError
 from nena_order_service.extension import Core
 from nena_order_service.extensions.plant_drafts.drafts import Drafts
 from nena_shared.fleet_api.plant_drafts import (
@@ -30,6 +30,7 @@ from nena_shared.fleet_api.plant_drafts import (
     PlantRunRequest,
     PlantRunState,
 )
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.plant import BACKWARD_SUFFIX
 from nena_shared.tasks import report_failure
 
@@ -67,27 +68,31 @@ class Runs:
         self._task: asyncio.Task[None] | None = None
 
     async def map(self, name: str) -> PlantDraftMap:
-        """Return the map of a draft; raises UnknownPlantDraftError."""
+        """Return the map of a draft; raises UnknownError."""
         kept = await self._drafts.map(name)
         return PlantDraftMap(map=PlantMapPicture(**kept["picture"]) if kept else None)
 
     async def show(self, name: str) -> PlantRun:
-        """Return the last run; raises UnknownPlantDraftError."""
+        """Return the last run; raises UnknownError."""
         self._drafts.status(name)
         return self._last
 
     async def start(self, name: str, request: PlantRunRequest, caller: str) -> PlantRun:
-        """Start a program; raises UnknownPlantDraftError, and PlantRunGoesOnError while another one runs."""
+        """Start a program; raises UnknownError, and RefusedError while another one runs."""
         self._drafts.status(name)
         if self._task and not self._task.done():
-            raise PlantRunGoesOnError(str(self._last.program), self._last.draft, self._last.by)
+            raise RefusedError(
+                Refusal.PLANT_RUN_GOES_ON,
+                f"{self._last.program} runs on the draft {self._last.draft!r}, started by {self._last.by}. "
+                "Wait, or cancel it.",
+            )
         running, now = PlantRunState.RUNNING, self._core.clock.now()
         self._last = PlantRun(state=running, draft=name, program=request.program, began=now, by=caller)
         self._task = asyncio.create_task(self._run(name, request), name="program on a draft")
         return self._last
 
     async def cancel(self, name: str) -> PlantRun:
-        """End the program that runs; raises UnknownPlantDraftError."""
+        """End the program that runs; raises UnknownError."""
         self._drafts.status(name)
         await self.end()
         return self._last

@@ -8,7 +8,7 @@ from typing import Final
 from pydantic import ValidationError
 
 from nena_order_service.api.audit import OpenRequest
-from nena_order_service.errors import UnknownPlantDraftError
+from nena_order_service.errors import UnknownError
 from nena_order_service.extension import Core
 from nena_order_service.extensions.plant_drafts.difference import find_differences
 from nena_order_service.plant_file import PLANT_MODEL, StoredPlant
@@ -21,6 +21,7 @@ from nena_shared.fleet_api.plant_drafts import (
     PlantVersion,
     PlantVersionList,
 )
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel
 
@@ -63,14 +64,14 @@ class PlantVersions:
         return PlantVersionList(versions=tuple(reversed(self._versions)))
 
     async def model(self, number: int) -> PlantModel:
-        """Return the model of a version, 0: the active one; raises UnknownPlantDraftError."""
+        """Return the model of a version, 0: the active one; raises UnknownError."""
         found = await self._stored_model(number) if number else self._core.engine.plant
         if found is None:
-            raise UnknownPlantDraftError(number)
+            raise UnknownError(Refusal.UNKNOWN_PLANT_DRAFT, number)
         return found
 
     async def compare(self, name: int, request: PlantDifferencesQuery) -> PlantDifferences:
-        """Return what a version changed in the one before, or differs in; raises UnknownPlantDraftError."""
+        """Return what a version changed in the one before, or differs in; raises UnknownError."""
         model = await self.model(name)
         numbers = [version.number for version in self._versions if version.number < name]
         before = request.with_version or (numbers[-1] if numbers else name)

@@ -24,7 +24,8 @@ from zoneinfo import ZoneInfo, available_timezones
 from cronsim import CronSim, CronSimError
 from pydantic import BaseModel, ConfigDict
 
-from nena_order_service.errors import InvalidScheduleError
+from nena_order_service.errors import RefusedError
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.fleet_api.schedules import (
     ScheduleDefinition,
     ScheduleRequest,
@@ -171,7 +172,7 @@ def find_due_runs(definition: ScheduleRequest, last: datetime, now: datetime) ->
 
 
 def check_schedule(name: str, definition: ScheduleRequest, now: datetime) -> None:
-    """Raise InvalidScheduleError with all problems of a schedule, apart from those of its order."""
+    """Raise RefusedError with all problems of a schedule, apart from those of its order."""
     problems = []
     if not NAME.fullmatch(name):
         problems.append(f"Invalid name {name[:100]!r}: {NAME_RULE}.")
@@ -184,7 +185,8 @@ def check_schedule(name: str, definition: ScheduleRequest, now: datetime) -> Non
                 f"{definition.cron!r} has no run in the future. Change cron, validFrom or validUntil."
             )
     if problems:
-        raise InvalidScheduleError(problems)
+        text = "The schedule is invalid; nothing was saved. Fix what errors lists."
+        raise RefusedError(Refusal.INVALID_SCHEDULE, text, problems)
 
 
 def _problem_of_cron(cron: str | None) -> str:

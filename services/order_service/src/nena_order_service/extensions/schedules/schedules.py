@@ -19,7 +19,7 @@ from cronsim import CronSimError
 from pydantic import ValidationError
 
 from nena_order_service.engine.engine import Engine
-from nena_order_service.errors import StoreNotReadyError, TooManySchedulesError, UnknownScheduleError
+from nena_order_service.errors import RefusedError, StoreNotReadyError, UnknownError
 from nena_order_service.extensions.schedules.schedule import (
     LOOK_BACK,
     ON_TIME,
@@ -30,6 +30,7 @@ from nena_order_service.extensions.schedules.schedule import (
 from nena_order_service.orders.validation import InvalidRequestError, check_request, set_operations
 from nena_order_service.store.database import Changes
 from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained, reason_of
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.fleet_api.schedules import ScheduleRequest, ScheduleRun, ScheduleStatus
 from nena_shared.fleet_api.transport_order import OrderTemplate, TransportOrderRequest
 from nena_shared.log import get_logger
@@ -102,7 +103,7 @@ class Schedules:
         return tuple(self._visible[name].status for name in sorted(self._visible))
 
     def get(self, name: str) -> ScheduleStatus:
-        """Return a schedule; raises UnknownScheduleError."""
+        """Return a schedule; raises UnknownError."""
         return _schedule_named(name, self._visible).status
 
     async def put(self, name: str, definition: ScheduleRequest) -> tuple[ScheduleStatus, bool]:
@@ -111,9 +112,9 @@ class Schedules:
         It applies to planned times from now on. Storing the same definition again changes nothing.
 
         Raises:
-            InvalidScheduleError: it can never run, or its name, cron expression or time zone is invalid.
+            RefusedError: it can never run, or its name, cron expression or time zone is invalid.
             InvalidRequestError: its order does not fit the plant model.
-            TooManySchedulesError: no more schedules can be stored.
+            RefusedError: no more schedules can be stored.
             StoreNotReadyError: the change may be lost.
 
         """
@@ -123,7 +124,8 @@ class Schedules:
             definition = self._set_operations(definition)
             stored = self._known.get(name)
             if stored is None and len(self._known) >= SCHEDULES_LIMIT:
-                raise TooManySchedulesError(SCHEDULES_LIMIT)
+                text = f"There are {SCHEDULES_LIMIT} schedules already. Delete one of them first."
+                raise RefusedError(Refusal.TOO_MANY_SCHEDULES, text)
             if stored is None or stored.schedule.definition != definition:
                 await self._change_definition(name, definition, time)
             status = self._known[name].status
@@ -135,7 +137,7 @@ class Schedules:
         """Enable or disable a schedule. What it misses while disabled is not caught up.
 
         Raises:
-            UnknownScheduleError: no such schedule.
+            UnknownError: no such schedule.
             StoreNotReadyError: the change may be lost.
 
         """
@@ -152,7 +154,7 @@ class Schedules:
         """Delete a schedule, and return it as it was; its orders stay.
 
         Raises:
-            UnknownScheduleError: no such schedule.
+            UnknownError: no such schedule.
             StoreNotReadyError: the change may be lost.
 
         """
@@ -318,7 +320,7 @@ class Schedules:
 
 
 def _schedule_named(name: str, schedules: dict[str, _Planned]) -> _Planned:
-    """Return a schedule; raises UnknownScheduleError."""
+    """Return a schedule; raises UnknownError."""
     if name not in schedules:
-        raise UnknownScheduleError(name)
+        raise UnknownError(Refusal.UNKNOWN_SCHEDULE, name)
     return schedules[name]
