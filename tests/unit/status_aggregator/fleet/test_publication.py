@@ -55,7 +55,7 @@ def test_deltas_lead_from_one_snapshot_to_the_next(steps: list[tuple[str, str, i
             peripherals[name] = number
             publication.peripherals.mark_touched(name)
         elif kind == "link":
-            publication.link = {"connected": bool(number), "since": None}
+            publication.fleet["link"] = {"connected": bool(number), "since": None}
         else:
             delta = publication.flush(
                 lambda key: robot(key.serial_number, robots.get(key.serial_number)),

@@ -246,7 +246,7 @@ class FleetModel:
         self.statistics.received[kind] += key is None  # with a robot, _count_and_find counts it
         self.statistics.malformed[kind] += 1
         counts = self.statistics.malformed.items()
-        self._public.malformed = {
+        self._public.fleet["malformed"] = {
             "counts": {message_kind.value: count for message_kind, count in counts if count},
             "lastTopic": short(topic),
             "lastProblem": short(problem),
@@ -341,7 +341,7 @@ class FleetModel:
             self._mark_changed(robot.key)
         self._plant_version += 1
         # Only a summary: clients fetch the plant over HTTP when its version changes.
-        self._public.plant = (
+        self._public.fleet["plant"] = (
             {
                 "version": self._plant_version,
                 "name": plant.name,
@@ -357,7 +357,7 @@ class FleetModel:
 
     def on_link(self, *, connected: bool, at: Timestamp) -> None:
         """Apply that the broker connection was established or lost."""
-        self._public.link = {"connected": connected, "since": iso(at.utc)}
+        self._public.fleet["link"] = {"connected": connected, "since": iso(at.utc)}
         self._link_since = at.utc
         self._event_log.log_link(connected=connected, at=at)
         for robot in self.robots:
@@ -373,7 +373,7 @@ class FleetModel:
     @property
     def link_up(self) -> bool:
         """Whether the broker is connected."""
-        return self._public.link["connected"]
+        return self._public.fleet["link"]["connected"]
 
     def update_conditions(self, at: Timestamp) -> None:
         """Update the conditions of all robots and what needs a person, without publishing them yet."""
@@ -429,13 +429,13 @@ class FleetModel:
         stops += [view_stop(stop, direct=True) for stop in self.direct_stops]
         lacks = [*self.order_service.broker_lacks]
         status: OrderServiceView = {"up": up, "lastSign": down_since, "stops": stops, "brokerLacks": lacks}
-        self._public.order_service = status
+        self._public.fleet["orderService"] = status
         jams, keys = self.queues.find_jams(at), self._key_of_vehicle
-        self._public.jams = [view_jam(jam) for jam in jams]
+        self._public.fleet["jams"] = [view_jam(jam) for jam in jams]
         heads = {str(keys[name]): jam.robots for jam in jams for name in jam.end if name in keys}
         self._event_log.log_jams(heads, at)
         self._event_log.log_stops((*known, *self.direct_stops), at)
-        self._public.attention = [*self.attention.matters]
+        self._public.fleet["attention"] = [*self.attention.matters]
         return self._public.flush(self._view_robot, self._view_order, self._view_peripheral)
 
     def count_paused(self, stop: StopStatus) -> StopStatus:

@@ -91,23 +91,20 @@ class Publication:
         self.robots: PublishedViews[RobotKey, RobotView] = PublishedViews()
         self.orders: PublishedViews[str, OrderView] = PublishedViews()
         self.peripherals: PublishedViews[str, PeripheralView] = PublishedViews()
-        self.plant: PlantView | None = None
-        self.link: LinkView = {"connected": False, "since": None}
-        self.order_service: OrderServiceView = {
-            "up": None,
-            "lastSign": None,
-            "stops": [],
-            "brokerLacks": [],
+        self.fleet: FleetView = {
+            "id": 0,
+            "robots": [],
+            "orders": [],
+            "peripherals": [],
+            "plant": None,
+            "link": {"connected": False, "since": None},
+            "orderService": {"up": None, "lastSign": None, "stops": [], "brokerLacks": []},
+            "jams": [],
+            "attention": [],
+            "malformed": {"counts": {}, "lastTopic": None, "lastProblem": None, "lastTime": None},
         }
-        self.jams: list[JamView] = []
-        self.attention: list[Matter] = []
-        self.malformed: MalformedView = {
-            "counts": {},
-            "lastTopic": None,
-            "lastProblem": None,
-            "lastTime": None,
-        }
-        self._published: FleetView = self._fleet_view(0)
+        """The other parts, each of which is replaced as a whole."""
+        self._published = self.fleet.copy()
 
     def flush(
         self,
@@ -116,27 +113,24 @@ class Publication:
         peripheral: Callable[[str], PeripheralView | None],
     ) -> Delta | None:
         """Return the changes since the last call, or None. The arguments build the current views."""
-        delta: Delta = {"id": self._published["id"] + 1}
-        robots, robots_gone = self.robots.take_changes(robot)
-        orders, orders_gone = self.orders.take_changes(order)
-        peripherals, peripherals_gone = self.peripherals.take_changes(peripheral)
-        if robots:
-            delta["robots"] = robots
-        if robots_gone:
-            delta["robotsGone"] = robots_gone
-        if orders:
-            delta["orders"] = orders
-        if orders_gone:
-            delta["ordersGone"] = orders_gone
-        if peripherals:
-            delta["peripherals"] = peripherals
-        if peripherals_gone:
-            delta["peripheralsGone"] = peripherals_gone
-        self._add_parts(delta)
+        number = self._published["id"] + 1
+        delta: dict[str, Any] = {"id": number}
+        changes = {
+            "robots": self.robots.take_changes(robot),
+            "orders": self.orders.take_changes(order),
+            "peripherals": self.peripherals.take_changes(peripheral),
+        }
+        for kind, (patches, gone) in changes.items():
+            delta |= {kind: patches} if patches else {}
+            delta |= {f"{kind}Gone": gone} if gone else {}
+        published = cast("Mapping[str, Any]", self._published)
+        for name, part in self.fleet.items():
+            if name != "id" and part != published[name]:
+                delta[name] = part
         if len(delta) == 1:  # only the id: nothing changed, and no number is used up
             return None
-        self._published = self._fleet_view(delta["id"])
-        return delta
+        self._published = {**self.fleet, "id": number}
+        return cast("Delta", delta)
 
     def snapshot(self) -> FleetView:
         """Return everything as of the last :meth:`flush`."""
@@ -145,32 +139,4 @@ class Publication:
             "robots": list(self.robots.views.values()),
             "orders": list(self.orders.views.values()),
             "peripherals": list(self.peripherals.views.values()),
-        }
-
-    def _add_parts(self, delta: Delta) -> None:
-        if self.plant != self._published["plant"]:
-            delta["plant"] = self.plant
-        if self.link != self._published["link"]:
-            delta["link"] = self.link
-        if self.order_service != self._published["orderService"]:
-            delta["orderService"] = self.order_service
-        if self.jams != self._published["jams"]:
-            delta["jams"] = self.jams
-        if self.attention != self._published["attention"]:
-            delta["attention"] = self.attention
-        if self.malformed != self._published["malformed"]:
-            delta["malformed"] = self.malformed
-
-    def _fleet_view(self, number: int) -> FleetView:
-        return {
-            "id": number,
-            "robots": [],
-            "orders": [],
-            "peripherals": [],
-            "plant": self.plant,
-            "link": self.link,
-            "orderService": self.order_service,
-            "jams": self.jams,
-            "attention": self.attention,
-            "malformed": self.malformed,
         }

@@ -7,8 +7,7 @@ Spans are plain data of ended work. :mod:`~nena_shared.extensions.tracing.export
 from __future__ import annotations
 
 import re
-from collections.abc import AsyncIterator, Callable, Mapping
-from contextlib import asynccontextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from hashlib import sha256
@@ -166,16 +165,6 @@ def open_export(settings: TracingSettings, distribution: str) -> Exporting | Non
         problem = f"tracing.endpoint: {error}; install the extra {distribution}[tracing]"
         raise ConfigurationError([problem]) from error
     return SpanExport(settings, distribution, version(distribution))
-
-
-@asynccontextmanager
-async def closing(export: Exporting | None) -> AsyncIterator[None]:
-    """Close the connection to the collector, if there is one, at the end of the context."""
-    try:
-        yield
-    finally:
-        if export:
-            await export.close()
 
 
 def cut(text: str) -> str:
