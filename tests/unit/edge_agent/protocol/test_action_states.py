@@ -18,7 +18,7 @@ from support.robot_core import ACTIONS, Bench, action, instant, order
 
 def states(status: str) -> ActionStates:
     made = ActionStates()
-    made.add([ActionRecord(action("a"), ActionScope.NODE, 0, ActionStatus(status))])
+    made.add([ActionRecord(action("a"), ActionScope.NODE, 0, ActionStatus(status), None)])
     return made
 
 

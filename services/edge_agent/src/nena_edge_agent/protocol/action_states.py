@@ -31,13 +31,16 @@ DESCRIPTOR_LIMIT = 200
 
 @dataclass(slots=True)
 class ActionRecord:
-    """An action and its status; ``sequence_id`` is that of its node or edge, -1 for an instant action."""
+    """An action and its status; ``sequence_id`` is that of its node or edge, -1 for an instant action.
+
+    The journal has these fields: one with a default would be left out of it.
+    """
 
     action: Action
     scope: ActionScope
-    sequence_id: int = -1
-    status: ActionStatus = ActionStatus.WAITING
-    result: str | None = None
+    sequence_id: int
+    status: ActionStatus
+    result: str | None
 
     @property
     def active(self) -> bool:

@@ -207,7 +207,7 @@ def _remember_action(robot: RobotState, action: Action) -> None:
         del robot.known_instant_ids[next(iter(robot.known_instant_ids))]
     # The state lists an actionId once; the one of the order stays.
     if action.action_id not in robot.actions:
-        robot.instant_actions.add([ActionRecord(action, ActionScope.INSTANT)])
+        robot.instant_actions.add([ActionRecord(action, ActionScope.INSTANT, -1, ActionStatus.WAITING, None)])
     surplus = len(list(robot.instant_actions)) - INSTANT_ACTION_LIMIT
     if surplus > 0:
         ended = [record for record in robot.instant_actions if record.status.ended][:surplus]

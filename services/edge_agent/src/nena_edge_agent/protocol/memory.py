@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 from datetime import datetime
 
 from pydantic import BaseModel, ConfigDict
@@ -19,28 +20,14 @@ from nena_edge_agent.protocol.order_progress import (
 )
 from nena_edge_agent.protocol.robot_state import PowerPhase, RobotState
 from nena_edge_agent.protocol.zone_sets import AccessRequest, ZoneRequests
-from nena_shared.vda5050.action import Action, ActionStatus
-from nena_shared.vda5050.factsheet import ActionScope
+from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.order import Edge, Node
-from nena_shared.vda5050.request import RequestStatus
 from nena_shared.vda5050.state import Load, OperatingMode
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.zone_set import ZoneSet
 
 FORMAT = 1
 """Format version of the record; records of other versions are refused."""
-
-
-class ActionMemory(BaseModel):
-    """An action and its status."""
-
-    model_config = ConfigDict(frozen=True, from_attributes=True)
-
-    action: Action
-    scope: ActionScope
-    sequence_id: int
-    status: ActionStatus
-    result: str | None
 
 
 class ProgressMemory(BaseModel):
@@ -72,18 +59,6 @@ class ZoneSetMemory(BaseModel):
     enabled: bool
 
 
-class AccessMemory(BaseModel):
-    """A request to enter a zone; the fields are those of ``AccessRequest``."""
-
-    model_config = ConfigDict(frozen=True, from_attributes=True)
-
-    zone_set_id: str
-    zone_id: str
-    request_id: str
-    status: RequestStatus
-    lease_expiry: datetime | None
-
-
 class Memory(BaseModel):
     """The journal's record of one robot."""
 
@@ -91,9 +66,9 @@ class Memory(BaseModel):
 
     format: int
     progress: ProgressMemory
-    actions: tuple[ActionMemory, ...]
+    actions: tuple[ActionRecord, ...]
     queue: tuple[str, ...]
-    instant_actions: tuple[ActionMemory, ...]
+    instant_actions: tuple[ActionRecord, ...]
     known_instant_ids: tuple[str, ...]
     clearing: bool
     paused: bool
@@ -102,7 +77,7 @@ class Memory(BaseModel):
     operating_mode: OperatingMode = OperatingMode.AUTOMATIC
     wanted_mode: OperatingMode | None = None
     zone_sets: tuple[ZoneSetMemory, ...] = ()
-    zone_requests: tuple[AccessMemory, ...] = ()
+    zone_requests: tuple[AccessRequest, ...] = ()
     last_zone_request: int = 0
     own_goals: OwnGoals | None = None
     frame: str = ""
@@ -121,9 +96,9 @@ def memory_of(robot: RobotState) -> Memory:
     return Memory(
         format=FORMAT,
         progress=ProgressMemory.model_validate(robot.progress),
-        actions=tuple(_action_memory(record) for record in robot.actions),
+        actions=tuple(map(_kept, robot.actions)),
         queue=tuple(robot.queue),
-        instant_actions=tuple(_action_memory(record) for record in robot.instant_actions),
+        instant_actions=tuple(map(_kept, robot.instant_actions)),
         known_instant_ids=tuple(robot.known_instant_ids),
         clearing=robot.clearing,
         paused=robot.paused,
@@ -134,7 +109,7 @@ def memory_of(robot: RobotState) -> Memory:
         zone_sets=tuple(
             ZoneSetMemory(zone_set=zone_set, enabled=on) for zone_set, on in robot.zone_sets.held
         ),
-        zone_requests=tuple(AccessMemory.model_validate(request) for request in robot.zone_requests.requests),
+        zone_requests=robot.zone_requests.requests,
         last_zone_request=robot.zone_requests.last_number,
         own_goals=robot.goal.own,
         ended_orders=robot.history.ended,
@@ -169,15 +144,13 @@ def restore_robot(memory: Memory, capabilities: Capabilities, path_of: PathOf | 
         power=PowerPhase.AWAKE if memory.power is PowerPhase.SHUTTING_DOWN else memory.power,
         wake_up_at=memory.wake_up_at,
         header_ids=memory.header_ids,
-        zone_requests=ZoneRequests(
-            (AccessRequest(**dict(request)) for request in memory.zone_requests), memory.last_zone_request
-        ),
+        zone_requests=ZoneRequests(memory.zone_requests, memory.last_zone_request),
     )
     if memory.own_goals:
         robot.goal.restore(memory.own_goals)
     robot.zone_sets.restore(tuple((held.zone_set, held.enabled) for held in memory.zone_sets))
-    robot.actions.add(_restored_action(kept) for kept in memory.actions)
-    robot.instant_actions.add(_restored_action(kept) for kept in memory.instant_actions)
+    robot.actions.add(map(replace, memory.actions))
+    robot.instant_actions.add(map(replace, memory.instant_actions))
     queued = (robot.actions.get(action_id) for action_id in memory.queue)
     robot.queue.append(record.action for record in queued if record)
     robot.instant_queue.append(
@@ -190,19 +163,8 @@ def restore_robot(memory: Memory, capabilities: Capabilities, path_of: PathOf | 
     return robot
 
 
-def _action_memory(record: ActionRecord) -> ActionMemory:
-    """Return the stored form of an action; an ended one needs no parameters."""
-    action = record.action
-    if record.status.ended and action.action_parameters:
-        action = action.model_copy(update={"action_parameters": ()})
-    return ActionMemory(
-        action=action,
-        scope=record.scope,
-        sequence_id=record.sequence_id,
-        status=record.status,
-        result=record.result,
-    )
-
-
-def _restored_action(kept: ActionMemory) -> ActionRecord:
-    return ActionRecord(kept.action, kept.scope, kept.sequence_id, kept.status, kept.result)
+def _kept(record: ActionRecord) -> ActionRecord:
+    """Return a copy of an action to store; an ended one needs no parameters."""
+    ended = record.status.ended and record.action.action_parameters
+    action = record.action.model_copy(update={"action_parameters": ()}) if ended else record.action
+    return replace(record, action=action)

@@ -65,13 +65,15 @@ def _begin_order(robot: RobotState, order: Order) -> None:
 
 def _action_records(nodes: Iterable[Node], edges: Iterable[Edge]) -> list[ActionRecord]:
     """Return the actions' records in driving order."""
-    on_nodes = (
-        ActionRecord(action, ActionScope.NODE, node.sequence_id) for node in nodes for action in node.actions
+    parts = (
+        *((ActionScope.NODE, node.sequence_id, node.actions) for node in nodes),
+        *((ActionScope.EDGE, edge.sequence_id, edge.actions) for edge in edges),
     )
-    on_edges = (
-        ActionRecord(action, ActionScope.EDGE, edge.sequence_id) for edge in edges for action in edge.actions
-    )
-    return sorted((*on_nodes, *on_edges), key=lambda record: record.sequence_id)
+    return [
+        ActionRecord(action, scope, number, ActionStatus.WAITING, None)
+        for scope, number, acts in sorted(parts, key=lambda part: part[1])
+        for action in acts
+    ]
 
 
 # cancelOrder (section 6.1.3)

@@ -202,8 +202,8 @@ class AccessRequest:
     zone_set_id: str
     zone_id: str
     request_id: str
-    status: RequestStatus = RequestStatus.REQUESTED
-    lease_expiry: datetime | None = None
+    status: RequestStatus
+    lease_expiry: datetime | None
 
     @property
     def key(self) -> ZoneKey:
@@ -284,7 +284,8 @@ class ZoneRequests:
         for zone in zones:
             if zone.key not in self._requests and zone.key not in self._rejected_at:
                 self.last_number += 1
-                self._put_request(AccessRequest(*zone.key, request_id=f"zone-{self.last_number}"))
+                number = f"zone-{self.last_number}"
+                self._put_request(AccessRequest(*zone.key, number, RequestStatus.REQUESTED, None))
 
     def keep_only(self, keys: frozenset[ZoneKey], inside: frozenset[ZoneKey] = frozenset()) -> None:
         """Drop all requests except those for ``keys``; keep a lost one only while the robot is inside."""
