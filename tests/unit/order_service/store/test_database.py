@@ -16,7 +16,6 @@ from nena_order_service.store.database import (
     Changes,
     DriveRow,
     OrderFilter,
-    SequenceFilter,
     commit_changes,
     read_changes,
     read_documents,
@@ -30,6 +29,7 @@ from nena_order_service.store.database import (
 )
 from nena_order_service.store.schema import StoreError, make_engine, open_database
 from nena_shared.fleet_api.reasons import Reason
+from nena_shared.fleet_api.requests import OrderSequencesQuery
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderState
 from support.order_service import NOW, assigned_order, dispatchable_order
 from support.stores import changes
@@ -90,7 +90,7 @@ def test_the_newest_version_of_each_sequence_counts(url: str) -> None:
     assert read_sequence(engine, name="other", idempotency_key="k") == done
     assert read_sequence(engine, name="other") is None
     assert read_sequence(engine, name="S-1\0", idempotency_key="k\0") is None
-    assert read_sequences(engine, SequenceFilter(intended_vehicle="V-1\0")) == ()
+    assert read_sequences(engine, OrderSequencesQuery(intended_vehicle="V-1\0")) == ()
 
 
 def test_sequences_are_listed_newest_first_with_filters(url: str) -> None:
@@ -101,14 +101,14 @@ def test_sequences_are_listed_newest_first_with_filters(url: str) -> None:
         changes.sequences[number] = one.completed("by a host", NOW) if number == 4 else one
     commit_changes(engine, changes)
 
-    def numbers(wanted: SequenceFilter) -> list[int]:
+    def numbers(wanted: OrderSequencesQuery) -> list[int]:
         return [each.number for each in read_sequences(engine, wanted)]
 
-    assert numbers(SequenceFilter()) == [4, 3, 2, 1]
-    assert numbers(SequenceFilter(finished=True)) == [4]
-    assert numbers(SequenceFilter(finished=False, limit=2)) == [3, 2]
-    assert numbers(SequenceFilter(intended_vehicle="V-1")) == [4, 3]
-    assert numbers(SequenceFilter(before=3)) == [2, 1]
+    assert numbers(OrderSequencesQuery()) == [4, 3, 2, 1]
+    assert numbers(OrderSequencesQuery(finished=True)) == [4]
+    assert numbers(OrderSequencesQuery(finished=False, limit=2)) == [3, 2]
+    assert numbers(OrderSequencesQuery(intended_vehicle="V-1")) == [4, 3]
+    assert numbers(OrderSequencesQuery(after="3")) == [2, 1]
 
 
 def test_sequences_are_found_by_time_of_creation(url: str) -> None:
@@ -124,12 +124,12 @@ def test_sequences_are_found_by_time_of_creation(url: str) -> None:
 
     def between(first: int, last: int) -> list[int]:
         since, until = (NOW + timedelta(minutes=each) for each in (first, last))
-        return [each.number for each in read_sequences(engine, SequenceFilter(since=since, until=until))]
+        return [each.number for each in read_sequences(engine, OrderSequencesQuery(since=since, until=until))]
 
     assert between(0, 9) == [4, 3, 2, 1]
     assert between(2, 4) == [3, 2]
     assert between(5, 9) == []
-    since = SequenceFilter(since=NOW + timedelta(minutes=2), before=4)
+    since = OrderSequencesQuery(since=NOW + timedelta(minutes=2), after="4")
     assert [each.number for each in read_sequences(engine, since)] == [3, 2]
 
 

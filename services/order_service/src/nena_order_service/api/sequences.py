@@ -10,7 +10,6 @@ from nena_order_service.api.orders import check_same_request, check_version
 from nena_order_service.engine.engine import Engine
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import sortable_id
-from nena_order_service.store.database import SequenceFilter
 from nena_shared.fleet_api.operations import sequences as table
 from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.fleet_api.requests import OrderSequencePage, OrderSequencesQuery
@@ -71,15 +70,8 @@ class SequenceOperations:
 
     async def list_sequences(self, request: OrderSequencesQuery) -> OrderSequencePage:
         """Return a page of sequences, newest first."""
-        wanted = SequenceFilter(
-            request.finished,
-            request.intended_vehicle,
-            request.since,
-            request.until,
-            before=int(request.after) if request.after else None,
-            limit=request.limit + 1,
-        )
-        sequences = await self._engine.store.read_sequences(wanted)
+        more = request.model_copy(update={"limit": request.limit + 1})
+        sequences = await self._engine.store.read_sequences(more)
         page = sequences[: request.limit]
         return OrderSequencePage(
             order_sequences=tuple(each.status for each in page),

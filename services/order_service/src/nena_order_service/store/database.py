@@ -22,6 +22,7 @@ from nena_order_service.store import audit, schema
 from nena_order_service.store.audit import AuditChain, AuditRow
 from nena_order_service.store.schema import FencedError, StoreError
 from nena_shared.fleet_api.audit import AuditMark
+from nena_shared.fleet_api.requests import OrderSequencesQuery
 from nena_shared.fleet_api.transport_order import (
     HistoryEntry,
     OrderSequenceStatus,
@@ -229,20 +230,6 @@ def read_document(engine: sa.Engine, kind: str, name: str) -> str | None:
         return connection.execute(query).scalar()
 
 
-@dataclass(frozen=True, slots=True)
-class SequenceFilter:
-    """Which sequences to return, newest first; ``before`` is the number of the last one received."""
-
-    finished: bool | None = None
-    intended_vehicle: str | None = None
-    since: datetime | None = None
-    """Only those created at this time or later, as :func:`read_number_at` finds it."""
-    until: datetime | None = None
-    """Only those created before this time."""
-    before: int | None = None
-    limit: int = 100
-
-
 def read_sequence(
     engine: sa.Engine, *, name: str | None = None, idempotency_key: str | None = None
 ) -> OrderSequence | None:
@@ -263,7 +250,7 @@ def _find_row(
     return None
 
 
-def read_sequences(engine: sa.Engine, wanted: SequenceFilter) -> tuple[OrderSequence, ...]:
+def read_sequences(engine: sa.Engine, wanted: OrderSequencesQuery) -> tuple[OrderSequence, ...]:
     """Read a page of sequences, newest first."""
     table = schema.order_sequences
     query = sa.select(table).order_by(table.c.number.desc()).limit(wanted.limit)
@@ -275,8 +262,8 @@ def read_sequences(engine: sa.Engine, wanted: SequenceFilter) -> tuple[OrderSequ
         query = query.where(table.c.number >= read_number_at(engine, wanted.since, table))
     if wanted.until is not None:
         query = query.where(table.c.number < read_number_at(engine, wanted.until, table))
-    if wanted.before is not None:
-        query = query.where(table.c.number < wanted.before)
+    if wanted.after is not None:
+        query = query.where(table.c.number < int(wanted.after))
     with engine.connect() as connection:
         return tuple(map(_read_sequence, connection.execute(query)))
 

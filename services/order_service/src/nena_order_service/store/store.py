@@ -21,6 +21,7 @@ from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.schema import TRANSIENT_ERRORS, StoreLostError, reason_of
 from nena_shared.database_connections import close_connections
 from nena_shared.fleet_api.audit import AuditMark, AuditPage, AuditQuery
+from nena_shared.fleet_api.requests import OrderSequencesQuery
 from nena_shared.histogram import SHORT, Histogram
 from nena_shared.log import get_logger
 from nena_shared.tasks import report_failure, set_within
@@ -225,7 +226,7 @@ class Store:
             lambda: database.read_sequence(self._engine, name=name, idempotency_key=idempotency_key)
         )
 
-    async def read_sequences(self, wanted: database.SequenceFilter) -> tuple[OrderSequence, ...]:
+    async def read_sequences(self, wanted: OrderSequencesQuery) -> tuple[OrderSequence, ...]:
         """Read a page of order sequences, newest first."""
         return await self._read_from_store(lambda: database.read_sequences(self._engine, wanted))
 

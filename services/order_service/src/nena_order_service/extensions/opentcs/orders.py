@@ -13,9 +13,9 @@ from nena_order_service import errors
 from nena_order_service.api.hosts import HostServices
 from nena_order_service.engine.engine import Engine
 from nena_order_service.extensions.opentcs.answers import Body, NotPossibleError
-from nena_order_service.store.database import OrderFilter, SequenceFilter
+from nena_order_service.store.database import OrderFilter
 from nena_shared.fleet_api.base import Moment
-from nena_shared.fleet_api.requests import OrderChange, WithdrawalRequest
+from nena_shared.fleet_api.requests import OrderChange, OrderSequencesQuery, WithdrawalRequest
 from nena_shared.fleet_api.transport_order import (
     OrderSequenceRequest,
     Property,
@@ -211,7 +211,7 @@ def _add_sequences(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
     async def list_sequences(intended_vehicle: IntendedVehicle = None) -> list[OrderSequenceState]:
         if intended_vehicle is not None:
             hosts.vehicles.find_status(intended_vehicle)
-        wanted = SequenceFilter(intended_vehicle=intended_vehicle, limit=LISTED)
+        wanted = OrderSequencesQuery(intended_vehicle=intended_vehicle, limit=LISTED)
         return [
             OrderSequenceState.model_validate(sequence.status)
             for sequence in await engine.store.read_sequences(wanted)

@@ -22,7 +22,7 @@ export function robotsBehind(head, store) {
 export async function effectOfLock([name, ...also]) {
   const { vehicles, orders } = await askWith(["paths", name, "lockPreview"], also.map((path) => ["also", path]));
   if (!orders.length) return "";
-  return t("queue.noOtherRoute", { robots: plural("queue.robots", vehicles.length), orders: plural("queue.orders", orders.length), names: [...vehicles, ...orders].slice(0, NAMED).join(", ") });
+  return t("queue.noOtherRoute", { robots: plural("summary.robots", vehicles.length), orders: plural("attention.orders", orders.length), names: [...vehicles, ...orders].slice(0, NAMED).join(", ") });
 }
 
 /** Return the effect of a lock in a sentence, also if there is none, or if it cannot be known. */
