@@ -63,12 +63,7 @@ class Child:
         return "\n".join("    " + line for line in text.splitlines()[-TAIL_LINES:])
 
     def check(self) -> None:
-        """Raise ChildFailedError if it has ended.
-
-        Raises:
-            ChildFailedError: it has ended.
-
-        """
+        """Raise ChildFailedError if it has ended."""
         if self.process.returncode is not None:
             raise ChildFailedError(self.name, f"ended with status {self.process.returncode}", self.tail())
 
@@ -144,12 +139,7 @@ class Processes:
         await self.restart(child)
 
     def check(self) -> None:
-        """Raise ChildFailedError if any child has ended.
-
-        Raises:
-            ChildFailedError: the first child that has ended.
-
-        """
+        """Raise ChildFailedError if any child has ended: the first one."""
         for child in self.children:
             child.check()
 
