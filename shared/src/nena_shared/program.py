@@ -47,7 +47,6 @@ class Supervision:
 
         Raises:
             OSError: the socket no longer exists.
-
         """
         if self.notify_socket is None:
             return

@@ -93,7 +93,6 @@ def secret_in(file: Path, setting: str) -> str:
 
     Raises:
         ConfigurationError: the file cannot be read, or is empty.
-
     """
     try:
         # without the line break with which editors end a file
@@ -162,7 +161,6 @@ class MqttSettings(SettingsGroup):
 
         Raises:
             ConfigurationError: the file cannot be read, or is empty.
-
         """
         if self.password_file is None:
             return self.password.get_secret_value() if self.password else None
@@ -259,7 +257,6 @@ def load(model: type[S], argv: Sequence[str], *, program: str, description: str)
 
     Raises:
         ConfigurationError: a file cannot be read or a value is invalid; names the setting and the reason.
-
     """
     parser = argparse.ArgumentParser(
         prog=program,
@@ -328,7 +325,6 @@ def parse_toml(text: bytes) -> dict[str, Any]:
 
     Raises:
         TomlError: the text is invalid.
-
     """
     try:
         return tomllib.loads(text.decode())

@@ -91,7 +91,6 @@ class Supervisor:
 
         Raises:
             TaskFailedError: a vital task ended first; its exception is the cause.
-
         """
         failed = self._failed
         if failed is None:

@@ -160,7 +160,6 @@ class RobotAgent:
         Raises:
             StartError: the driver cannot work here, or the shutdown command failed.
             TaskFailedError: a task of the robot failed.
-
         """
         bind_contextvars(robot=str(self.robot))  # for the logs of all called code
         for extension in self._extensions:

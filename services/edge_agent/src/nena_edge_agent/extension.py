@@ -77,7 +77,6 @@ class Extension:
         Raises:
             ConfigurationError: its settings are invalid.
             StartError: it cannot start.
-
         """
         self.settings = settings
         self.core = core

@@ -191,7 +191,6 @@ def read_journal(journal: Journal | None) -> tuple[Memory | None, str]:
 
     Raises:
         StartError: the folder cannot be used; the message says what to do.
-
     """
     try:
         # 0018: the agent starts even so, because its state tells fleet control of the loss.
@@ -279,7 +278,6 @@ def _expand_home(folder: Path) -> Path:
 
     Raises:
         StartError: there is none.
-
     """
     try:
         return folder.expanduser()
@@ -294,7 +292,6 @@ def check_frame(memory: Memory | None, frame: str) -> None:
 
     Raises:
         StartError: the coordinates mean other positions.
-
     """
     if memory is None or memory.frame == frame or not (memory.progress.nodes or memory.zone_sets):
         return

@@ -98,7 +98,6 @@ class Extension:
 
         Raises:
             ConfigurationError: its settings are invalid.
-
         """
         self.settings = settings
         self.core = core
@@ -111,7 +110,6 @@ class Extension:
 
         Raises:
             ConfigurationError: its settings are invalid, or a library is missing.
-
         """
 
     async def begin(self, previous: Self | None) -> None:

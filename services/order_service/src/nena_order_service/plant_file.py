@@ -45,7 +45,6 @@ def load_plant(path: Path) -> PlantFile:
 
     Raises:
         ConfigurationError: the file cannot be read or is not a usable plant model; lists all problems.
-
     """
     try:
         data = path.read_bytes()
@@ -67,7 +66,6 @@ def read_plant(data: bytes, *, strict: bool) -> ImportReport:
 
     Raises:
         InvalidPlantError: ``data`` is not a usable plant model; lists all problems.
-
     """
     try:
         report = read(data, strict=strict)

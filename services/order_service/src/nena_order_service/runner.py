@@ -80,7 +80,6 @@ class ServiceRunner:
 
         Raises:
             ConfigurationError: the plant model names an unsupported version.
-
         """
         self._supervisor.start("store", self._store.run())
         self.service = self._make(await self._present_model())
@@ -96,7 +95,6 @@ class ServiceRunner:
             InvalidPlantError: the model cannot be used.
             PlantInUseError: orders or vehicles use objects that the model lacks.
             StoreNotReadyError: the model cannot be stored, or another change is in progress.
-
         """
         asked = _RequestedChange(model, asyncio.get_running_loop().create_future(), check_only)
         if not self._asked.empty():

@@ -38,7 +38,6 @@ class StoreSettings(SettingsGroup):
 
         Raises:
             ConfigurationError: the file cannot be read, or is empty.
-
         """
         return secret_in(self.url_file, "store.url_file") if self.url_file else self.url.get_secret_value()
 

@@ -25,7 +25,6 @@ async def serve(settings: AggregatorSettings, stop: asyncio.Event) -> None:
         ConfigurationError: public address without protection, or a certificate or users file is unusable.
         StartError: the port is in use, or the history database is unusable.
         TaskFailedError: a task failed.
-
     """
     aggregator = Aggregator(settings, SystemClock(), installed())
     server = HttpServer(make_app(aggregator, settings.http, settings.order_service), settings.http)

@@ -59,7 +59,6 @@ class Aggregator:
         Raises:
             HistoryError: the history settings are invalid.
             ConfigurationError: those of an extension are.
-
         """
         self.clock = clock
         self.share = Share.read(settings.share)

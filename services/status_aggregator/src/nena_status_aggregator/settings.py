@@ -30,7 +30,6 @@ class Share:
 
         Raises:
             ValueError: the text is not a share.
-
         """
         written = _WRITTEN.fullmatch(text)
         number, of = map(int, written.groups()) if written else (0, 0)
@@ -76,7 +75,6 @@ class PanelOidcSettings(OidcSettings):
 
         Raises:
             ConfigurationError: the file cannot be read, or is empty.
-
         """
         if self.client_secret_file is not None:
             return secret_in(self.client_secret_file, "http.oidc.client_secret_file")
@@ -140,7 +138,6 @@ class HistorySettings(SettingsGroup):
 
         Raises:
             ConfigurationError: the file cannot be read, or is empty.
-
         """
         if self.url_file:
             return secret_in(self.url_file, "history.url_file")

@@ -20,7 +20,6 @@ def installed(group: str, base: type[E]) -> dict[str, type[E]]:
 
     Raises:
         StartError: one of them cannot be loaded, or is of another class.
-
     """
     found: dict[str, type[E]] = {}
     for entry in sorted(entry_points(group=group), key=lambda each: each.name):

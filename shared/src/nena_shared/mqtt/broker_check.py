@@ -63,7 +63,6 @@ async def find_lacks(
         UntestableError: the program may not publish or subscribe there.
         MqttError: the broker did not answer, or ended the connection, as RabbitMQ does without permission.
         OSError: the broker cannot be reached.
-
     """
     lacks = []
     topic = f"{place}/retained"

@@ -152,7 +152,6 @@ class Client:
         Raises:
             MqttError: the broker refused the connection, closed it or did not answer.
             OSError: the broker cannot be reached, or TLS failed.
-
         """
         address = self._settings.host, self._settings.port, self._settings.keep_alive
         # in a thread: paho looks up the host and connects in one blocking call
@@ -190,7 +189,6 @@ class Client:
 
         Raises:
             MqttError: the broker did not answer, or the connection has ended.
-
         """
         # CONNACK and the end may come in one read: then `_accepted` has succeeded already
         if self._ended.done():
@@ -215,7 +213,6 @@ class Client:
 
         Raises:
             MqttError: the connection has ended.
-
         """
         self._receive = receive
         self._hand_out()
@@ -230,7 +227,6 @@ class Client:
         Raises:
             MqttError: the connection has ended.
             ValueError: the topic is invalid for publishing, or the message is too long.
-
         """
         if self._ended.done():
             raise MqttError(NOT_CONNECTED)
@@ -247,7 +243,6 @@ class Client:
 
         Raises:
             MqttError: the connection has ended.
-
         """
         while not condition():
             if self._ended.done():

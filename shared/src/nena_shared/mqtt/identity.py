@@ -17,7 +17,6 @@ def tls_context(settings: MqttTlsSettings) -> ssl.SSLContext | None:
 
     Raises:
         ConfigurationError: a file cannot be read or is not PEM, or key and certificate do not match.
-
     """
     if not settings.wanted:
         return None
@@ -52,7 +51,6 @@ def private_client_id(name: str, settings: MqttSettings) -> str:
 
     Raises:
         ConfigurationError: the file with the secret cannot be read.
-
     """
     secret = _read_secret(settings)
     if not secret:

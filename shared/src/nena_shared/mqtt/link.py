@@ -218,7 +218,6 @@ class Outbox:
 
         Raises:
             KeyError: the queue is empty.
-
         """
         key, message = self._waiting.popitem(last=False)
         if isinstance(key, int):
@@ -367,7 +366,6 @@ class MqttLink:
 
         Raises:
             ConfigurationError: the password file or a TLS file cannot be read.
-
         """
         settings.secret()
         tls_context(settings.tls)

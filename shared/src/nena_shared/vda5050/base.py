@@ -41,7 +41,6 @@ class WireObject(FrozenModel):
 
         Raises:
             ValueError: only the codec can read the message.
-
         """
         del record
         return {}

@@ -56,7 +56,6 @@ def parse(payload: bytes) -> Any:  # noqa: ANN401 - JSON
 
     Raises:
         ValueError: the payload is not JSON.
-
     """
     try:
         return _JSON.decode(payload)
@@ -71,7 +70,6 @@ def parse_members(payload: bytes, names: Iterable[str]) -> Any:  # noqa: ANN401 
 
     Raises:
         ValueError: the payload is not JSON.
-
     """
     try:
         content: dict[str, Any] = _MEMBERS.decode(payload)

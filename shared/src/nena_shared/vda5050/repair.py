@@ -730,7 +730,6 @@ def _within_limits(number: float, shape: Shape, at: str, scope: Scope) -> tuple[
 
     Raises:
         _UnrepairableError: the intended value is unclear.
-
     """
     any_heading = shape.least == 0 and number >= FULL_TURN_DEGREES / 2  # in either unit
     if shape.most == ANGLE_LIMIT and scope is Scope.COMMAND and abs(number) > FULL_TURN and not any_heading:

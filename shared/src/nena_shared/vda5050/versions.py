@@ -101,7 +101,6 @@ def codec_for(version: str) -> Codec:
 
     Raises:
         UnknownVersionError: the version is not supported.
-
     """
     if version not in CODECS:
         raise UnknownVersionError(version)
@@ -113,7 +112,6 @@ def codec_named(text: str) -> Codec:
 
     Raises:
         UnknownVersionError: neither this version nor an older one of the same major version is supported.
-
     """
     written = _WRITTEN.fullmatch(text.strip())
     codec = nearest_codec(".".join(part or "0" for part in written.groups())) if written else None
@@ -127,7 +125,6 @@ def topics_for(version: str, interface_name: str | None = None) -> TopicScheme:
 
     Raises:
         UnknownVersionError: the version is not supported.
-
     """
     codec = codec_for(version)
     return TopicScheme(interface_name or codec.interface_name, codec.major_version)
@@ -164,7 +161,6 @@ def reader_of(payload: bytes, major_version: str) -> Codec:
 
     Raises:
         UnknownVersionError: the major version is not supported.
-
     """
     return reader_for(version_of(payload), major_version)
 
@@ -174,7 +170,6 @@ def reader_for(version: str | None, major_version: str) -> Codec:
 
     Raises:
         UnknownVersionError: the major version is not supported.
-
     """
     codec = None if version is None else nearest_codec(version)
     if codec is not None and codec.major_version == major_version:

@@ -37,7 +37,6 @@ def access_tokens_of(settings: HttpSettings) -> AccessTokens | None:
 
     Raises:
         ConfigurationError: the libraries are not installed, or a file is unusable.
-
     """
     if settings.oidc is None:
         return None
@@ -218,7 +217,6 @@ def protect(app: ASGIApp, settings: HttpSettings, role_needed: RoleNeeded) -> Ac
 
     Raises:
         ConfigurationError: the users file is unusable, or the libraries for OIDC are missing.
-
     """
     oidc = access_tokens_of(settings)
     return AccessControl(app, settings, role_needed, users_of(settings), oidc=oidc)

@@ -90,7 +90,6 @@ def describe_problems(app: FastAPI, others: Mapping[str, Any] = MappingProxyType
     Args:
         app: the application.
         others: schemas of other error formats, by media type.
-
     """
     plain = app.openapi
     problem = {"$ref": REFERENCES.format(model=Problem.__name__)}

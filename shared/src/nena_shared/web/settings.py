@@ -22,7 +22,6 @@ def protected_url(url: str) -> str:
 
     Raises:
         ValueError: the URL is invalid, or neither https nor loopback.
-
     """
     parts = urlsplit(url)
     host = parts.hostname or ""

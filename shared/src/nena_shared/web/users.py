@@ -92,7 +92,6 @@ def read_users(path: Path) -> tuple[User, ...]:
 
     Raises:
         ConfigurationError: the file cannot be read or is invalid.
-
     """
     try:
         users = _File.model_validate(settings.parse_toml(path.read_bytes())).user
@@ -161,7 +160,6 @@ class UsersFile:
 
         Raises:
             ConfigurationError: as in :func:`read_users`.
-
         """
         self._path = path
         self._seen = self._file_version()
@@ -172,7 +170,6 @@ class UsersFile:
 
         Raises:
             ConfigurationError: the file has changed and is no longer valid.
-
         """
         if (stamp := self._file_version()) != self._seen:
             self._users = read_users(self._path)

@@ -31,7 +31,6 @@ def parse_stop(text: str) -> Destination:
 
     Raises:
         typer.BadParameter: the text has another form.
-
     """
     name, colon, operation = text.rpartition(":")
     if operation and not colon:
@@ -72,7 +71,6 @@ def parse_measure(text: str) -> FailureStep:
 
     Raises:
         typer.BadParameter: the text has another form.
-
     """
     parts = text.split(":")
     if len(parts) > len(FIELDS):

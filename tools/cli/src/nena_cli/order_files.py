@@ -29,7 +29,6 @@ def read_orders(lines: Iterable[str]) -> Iterator[tuple[int, TransportOrderReque
 
     Raises:
         typer.BadParameter: a column or a value is wrong.
-
     """
     try:
         text = list(lines)

@@ -82,7 +82,6 @@ def read_plant(name: str, *, strict: bool = False) -> PlantFile:
 
     Raises:
         OSError: the file cannot be read.
-
     """
     data = read_bytes(name)
     kind = None
@@ -101,7 +100,6 @@ def encode(
 
     Raises:
         PlantModelError: the format cannot represent it.
-
     """
     match target:
         case Target.NENA:
@@ -120,7 +118,6 @@ def write_bytes(data: bytes, name: str, *, replace: bool) -> None:
 
     Raises:
         OSError: it cannot be written; FileExistsError if it exists and ``replace`` is false.
-
     """
     if name == STANDARD_STREAM:
         sys.stdout.buffer.write(data)

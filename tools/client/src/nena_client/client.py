@@ -80,7 +80,6 @@ class Client:
         retry_for: how long requests are repeated while no order service answers, seconds; only requests that
             may be repeated, to which the client adds idempotency keys.
         user_agent: name of the client in the audit trail.
-
     """
 
     def __init__(
@@ -158,7 +157,6 @@ class Client:
         Raises:
             TimeoutError: it has not ended after ``timeout`` seconds, which are looked at with each event or
                 heartbeat.
-
         """
         end = None if timeout is None else time.monotonic() + timeout
         with closing(self.events({"kind": ORDER_EVENT, ORDER_EVENT: order})) as events:

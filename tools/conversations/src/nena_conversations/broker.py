@@ -65,7 +65,6 @@ def parse_address(
 
     Raises:
         BrokerError: the URL is invalid.
-
     """
     try:
         parts = urlsplit(url)
@@ -99,7 +98,6 @@ async def listen(
 
     Raises:
         BrokerError: the broker is unreachable or rejects the subscription.
-
     """
     failures: list[Exception] = []
 
@@ -183,7 +181,6 @@ async def replay(
 
     Raises:
         BrokerError: the broker is unreachable or does not accept the messages in time.
-
     """
     count = 0
     headers = FreshHeaders()
@@ -210,7 +207,6 @@ async def connect_broker(
 
     Raises:
         BrokerError: the broker is unreachable or rejects the subscription.
-
     """
     link = MqttLink(address.settings, client_id=client_id)
     if handle:

@@ -75,7 +75,6 @@ class Entry:
 
         Raises:
             ValueError: the line is invalid.
-
         """
         if verbose := _VERBOSE.fullmatch(line.strip()):
             read = _Line.model_validate(verbose.groupdict(), context=time)
@@ -104,7 +103,6 @@ def read(lines: Iterable[str], name: str) -> Iterator[Entry]:
 
     Raises:
         RecordingError: a line is invalid.
-
     """
     before: Entry | None = None
     for number, line in enumerate(lines, start=1):
@@ -132,7 +130,6 @@ def read_file(path: Path) -> Iterator[Entry]:
 
     Raises:
         RecordingError: the file cannot be read or is invalid.
-
     """
     try:
         with path.open("rb") as binary:
@@ -159,7 +156,6 @@ def new_file(path: Path) -> Iterator[TextIO]:
 
     Raises:
         OSError: the file exists or cannot be created.
-
     """
     if path.exists():
         raise FileExistsError(f"{path} already exists; choose another name or delete it")

@@ -50,7 +50,6 @@ async def start(processes: Processes, options: Options) -> HallStack:
     Raises:
         ChildFailedError: one of them ended.
         NotReadyError: one of them is not ready in time.
-
     """
     loopback = tuple(f"{LOOPBACK_SERIAL}-{number + 1}" for number in range(options.robots))
     ros = ROS_SERIALS if ros_is_installed() else ()

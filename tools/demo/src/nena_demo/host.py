@@ -59,7 +59,6 @@ class Host:
 
         Raises:
             RefusedError: with the order service's text.
-
         """
         answer = await self.rest.post("/v1/transportOrders", content=_body_of(request), headers=_JSON)
         if answer.is_error:
@@ -71,7 +70,6 @@ class Host:
 
         Raises:
             httpx.HTTPError: the order service does not answer, or refuses all of them.
-
         """
         batch = TransportOrderBatch(transport_orders=tuple(requests))
         answer = await self.rest.post("/v1/transportOrders/batch", content=_body_of(batch), headers=_JSON)
@@ -84,7 +82,6 @@ class Host:
 
         Raises:
             RefusedError: with the order service's text, or because there was no answer.
-
         """
         key = request.idempotency_key or ""
         self.link.publish(Outbound(self._topics.creation_request(HOST_ID), _body_of(request)))
@@ -104,7 +101,6 @@ class Host:
 
         Raises:
             TimeoutError: it does not hold in time.
-
         """
         async with asyncio.timeout(seconds):
             while not condition():
@@ -174,7 +170,6 @@ async def wait_for_robots(host: Host, count: int) -> None:
 
     Raises:
         JobFailedError: they are not in time; the message says what each of them waits for.
-
     """
     try:
         await host.wait_for(lambda: sum(map(can_work, host.vehicles.values())) >= count, ROBOTS_SECONDS)
@@ -194,7 +189,6 @@ async def run(host: Host) -> tuple[TransportOrderStatus, ...]:
 
     Raises:
         JobFailedError: one of them did not end in FINISHED in time.
-
     """
     first = await host.create_by_rest(transport("Goods in", "Storage"))
     second = await host.create_by_mqtt(transport("Storage", "Goods out"))

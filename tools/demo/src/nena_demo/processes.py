@@ -122,7 +122,6 @@ class Processes:
 
         Raises:
             ChildFailedError: a child ends again and again, each time soon after its start.
-
         """
         while True:
             for child in self.children:
@@ -245,7 +244,6 @@ async def start_broker(processes: Processes, port: int, kind: str) -> Child:
 
     Raises:
         ChildFailedError: it did not start.
-
     """
     mosquitto = mosquitto_path() if kind in ("auto", "mosquitto") else None
     if mosquitto:

@@ -123,7 +123,6 @@ class DemoSession:
         Raises:
             JobFailedError: an order stalled or failed.
             ChildFailedError: a process ended.
-
         """
         await self._run_watched(host.wait_for_robots(self._host, len(stack.ROBOTS)))
         await self._run_watched(host.run(self._host))
@@ -134,7 +133,6 @@ class DemoSession:
 
         Raises:
             JobFailedError: they differ.
-
         """
         expected = {name: order.state for name, order in self._host.orders.items()}
         async with httpx.AsyncClient(base_url=self._stack.panel_url, timeout=5.0) as client:

@@ -99,7 +99,6 @@ async def start(processes: Processes, options: Options) -> Stack:
     Raises:
         ChildFailedError: one of them ended.
         NotReadyError: one of them is not ready in time.
-
     """
     stack = await start_services(processes, options)
     variables = environment(processes.folder, stack.mqtt.port)

@@ -205,7 +205,6 @@ async def run_tour(folder: Path, options: Options, progress: ProgressPrinter, so
         ChildFailedError: a process ends again and again.
         JobFailedError: not all robots became ready.
         NotReadyError: a service is not ready in time.
-
     """
     async with AsyncExitStack() as cleanup:
         processes = await cleanup.enter_async_context(Processes(folder))

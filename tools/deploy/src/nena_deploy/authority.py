@@ -72,7 +72,6 @@ class Authority:
 
         Raises:
             ValueError: one of them is neither a name nor an address.
-
         """
         names = list(hosts)
         alternatives = x509.SubjectAlternativeName([_host_name(name) for name in names])

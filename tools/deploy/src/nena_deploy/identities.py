@@ -60,7 +60,6 @@ def robot_name(manufacturer: str, serial_number: str) -> str:
 
     Raises:
         IdentityError: the name is not valid in topics.
-
     """
     return _check_length(
         f"{_check_level('manufacturer', manufacturer)}/{_check_level('serial number', serial_number)}"
@@ -72,7 +71,6 @@ def host_name(name: str) -> str:
 
     Raises:
         IdentityError: the name is not valid in topics.
-
     """
     # An access list knows names only: such a host would have the rights of the service.
     if name in {Kind.ORDER_SERVICE, Kind.STATUS_AGGREGATOR}:
@@ -89,7 +87,6 @@ def device_name(location: str) -> str:
 
     Raises:
         IdentityError: the name of the location is not valid in topics.
-
     """
     return _check_length(f"{DEVICES}{_check_level('location', location)}")
 

@@ -47,7 +47,6 @@ def locked(path: Path, *, timeout: float = LOCK_TIMEOUT) -> Iterator[None]:
 
     Raises:
         BusyError: another run holds the lock for longer than ``timeout`` seconds.
-
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     # Beside `path`, which may not exist yet, and which a change may replace together with its lock.
@@ -116,7 +115,6 @@ def broker_configuration(folder: PurePosixPath, data: PurePosixPath, port: int, 
         data: folder of the broker's data.
         port: TCP port of the broker.
         longest: maximum message size, MiB.
-
     """
     return TEMPLATE.format(folder=folder, data=data, port=port, longest=longest * 1024 * 1024)
 
@@ -193,7 +191,6 @@ class Site:
 
         Raises:
             SiteError: the folder is not empty, or a host is neither a name nor an address.
-
         """
         if folder.exists() and any(folder.iterdir()):
             raise SiteError(f"{folder} is not empty. Choose a new folder.")
@@ -223,7 +220,6 @@ class Site:
 
         Raises:
             SiteError: the folder is not a site.
-
         """
         try:
             register = _Register.model_validate_json((folder / "site.json").read_bytes())
@@ -265,7 +261,6 @@ class Site:
 
         Raises:
             SiteError: a host is neither a name nor an address.
-
         """
         try:
             pair = self._authority.for_server(hosts, utc_now(), days)
@@ -284,7 +279,6 @@ class Site:
 
         Raises:
             BrokerError: the broker cannot be reached, or does not confirm.
-
         """
         # Of the robot's name: the access list lets nobody else write most of its topics.
         pair = self._authority.for_client(str(robot), utc_now(), 1)
@@ -307,7 +301,6 @@ class Site:
 
         Raises:
             IdentityError: unknown identity.
-
         """
         identity = self.require(kind, name)
         self._drop_identity(kind, name)
@@ -319,7 +312,6 @@ class Site:
 
         Raises:
             IdentityError: unknown identity.
-
         """
         identity = self._find_identity(kind, name)
         if identity is None:

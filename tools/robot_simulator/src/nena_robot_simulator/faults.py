@@ -278,7 +278,6 @@ def parse(text: str) -> AnyFault:
 
     Raises:
         FaultRefusedError: the text is not JSON or not a fault.
-
     """
     try:
         return _parser.validate_json(text)

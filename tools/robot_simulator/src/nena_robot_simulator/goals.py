@@ -144,7 +144,6 @@ class StatusArray:
 
         Raises:
             GoalTransitionError: the goal's state machine has no such step.
-
         """
         self._change_status(goal_id, status, error_code)
         self._ended_at[goal_id] = now

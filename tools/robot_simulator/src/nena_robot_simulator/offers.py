@@ -48,7 +48,6 @@ def read_map(path: str) -> GridMap:
 
     Raises:
         BadMapError: the file does not exist or is not a map.
-
     """
     if not path:
         raise BadMapError(NO_NAME)

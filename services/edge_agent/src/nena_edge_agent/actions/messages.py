@@ -270,7 +270,6 @@ def message_type(name: str) -> Record:
 
     Raises:
         UnknownTypeError: it is not installed, or not the name of a message type.
-
     """
     return _record_of(_load_type(name, "msg"), name)
 
@@ -281,7 +280,6 @@ def service_type(name: str) -> tuple[Record, Record]:
 
     Raises:
         UnknownTypeError: it is not installed, or not the name of a service type.
-
     """
     kind = _load_type(name, "srv")
     return _record_of(kind.Request, f"{name} request"), _record_of(kind.Response, f"{name} response")
@@ -292,7 +290,6 @@ def action_type(name: str) -> tuple[Record, Any]:
 
     Raises:
         UnknownTypeError: it is not installed, or not the name of a type.
-
     """
     kind = _load_type(name, "action")
     return _record_of(kind.Goal, name), kind
@@ -303,7 +300,6 @@ def class_of(name: str) -> Any:  # noqa: ANN401 - rclpy carries no types
 
     Raises:
         UnknownTypeError: it is not installed, or not the name of a type.
-
     """
     return _load_type(name, "srv" if "/srv/" in name else "msg")
 

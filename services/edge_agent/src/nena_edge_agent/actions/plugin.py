@@ -118,7 +118,6 @@ class RosPort(Protocol):
 
         Raises:
             RosError: the type is not installed here.
-
         """
         ...
 
@@ -134,7 +133,6 @@ class RosPort(Protocol):
 
         Raises:
             RosError: the type is not installed here.
-
         """
         ...
 
@@ -143,7 +141,6 @@ class RosPort(Protocol):
 
         Raises:
             RosError: the type is not installed here.
-
         """
         ...
 
@@ -178,7 +175,6 @@ class DrivePort(Protocol):
 
         Raises:
             DriveError: the robot did not reach ``pose``.
-
         """
         ...
 

@@ -50,7 +50,6 @@ def installed_plugins(context: PluginContext, settings: ActionSettings) -> Insta
 
     Raises:
         ConfigurationError: a plug-in named in the settings is not installed.
-
     """
     names = _wanted_plugins(settings)
     plugins: list[ActionPlugin] = []

@@ -81,7 +81,6 @@ class ActionDrive:
 
         Raises:
             DriveError: the robot did not reach ``pose``, or another action drives.
-
         """
         # The driver has one goal at a time: a second one would silently end the first.
         if self._driver is None or self._result is not None:
@@ -139,7 +138,6 @@ class LoadSensor:
 
     Raises:
         ConfigurationError: the load sensor's message does not match its type.
-
     """
 
     def __init__(

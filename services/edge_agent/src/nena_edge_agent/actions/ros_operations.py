@@ -105,7 +105,6 @@ class MessageTemplate:
 
     Raises:
         ConfigurationError: no message can be built from them; the error names the setting under ``path``.
-
     """
 
     def __init__(
@@ -136,7 +135,6 @@ class MessageTemplate:
 
         Raises:
             FieldError: one of them does not fit its field.
-
         """
         fields = fill_template(self._fields, values)
         if not isinstance(fields, dict):
@@ -325,7 +323,6 @@ class Command:
 
         Raises:
             WorkFailedError: no node subscribes in time.
-
         """
         timeout = self._settings.listener_timeout
         for _ in range(int(timeout / POLL_INTERVAL)):
@@ -341,7 +338,6 @@ class Command:
         Raises:
             RosError: there is no ROS session.
             FieldError: a value does not fit its field.
-
         """
         if template is not None:
             self._publisher.publish(template.fill(values))

@@ -103,7 +103,6 @@ class PluginRos:
 
         Raises:
             RosError: there is none now.
-
         """
         if self._session is None or self._session.state is not SessionState.ACTIVE:
             raise RosError("the robot's ROS session is not active")
@@ -114,7 +113,6 @@ class PluginRos:
 
         Raises:
             RosError: no such type here.
-
         """
         return self._add_endpoint(_Publisher(self, topic, type_name))
 
@@ -144,7 +142,6 @@ class PluginRos:
 
         Raises:
             RosError: no such type here.
-
         """
         return self._add_endpoint(_Client(self, service, type_name))
 
@@ -349,7 +346,6 @@ class _Action:
 
         Raises:
             RosError: the end is unknown.
-
         """
         key, servers = bytes(goal_id.uuid).hex(), self._server_endpoints()
         asked = self._kind.Impl.GetResultService.Request(goal_id=goal_id)
@@ -395,7 +391,6 @@ class _Action:
 
         Raises:
             RosError: there is no session now.
-
         """
         self._port.session()
         return endpoints(self._node.get_publishers_info_by_topic(status_of(self._name)))
@@ -418,7 +413,6 @@ def installed(find: Callable[[str], T], name: str) -> T:
 
     Raises:
         RosError: the type is not installed.
-
     """
     try:
         return find(name)

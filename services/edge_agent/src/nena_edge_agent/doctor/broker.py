@@ -54,7 +54,6 @@ async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
 
     Raises:
         ConfigurationError: the password file cannot be read.
-
     """
     mqtt = settings.mqtt
     mqtt.secret()

@@ -52,7 +52,6 @@ async def examine(settings: EdgeAgentSettings) -> list[LinkFinding]:
 
     Raises:
         ConfigurationError: the password file cannot be read.
-
     """
     # A command may have changed the agent's ROS address: then the robot is where the journal says.
     robot = RobotKey(settings.manufacturer, settings.serial_number)

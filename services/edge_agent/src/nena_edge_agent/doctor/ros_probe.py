@@ -39,7 +39,6 @@ async def observe_robot(settings: RosSettings) -> RosView:
 
     Raises:
         SessionError: the ROS session cannot be started.
-
     """
     probe = _Probe(settings)
     async with probe.running():

@@ -239,7 +239,6 @@ def parse_command(payload: bytes) -> AnyCommand:
 
     Raises:
         CommandRefusedError: the payload is not JSON, or not a command.
-
     """
     try:
         return _parser.validate_json(payload)
@@ -280,7 +279,6 @@ class SimulationControl:
 
         Raises:
             CommandRefusedError: the command is not possible now.
-
         """
         robot = self._robot
         if robot is None or robot.driver.ended:

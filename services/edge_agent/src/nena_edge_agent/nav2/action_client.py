@@ -184,7 +184,6 @@ def feedback_reading(message: Any) -> FeedbackReading:  # noqa: ANN401
 
     Raises:
         UnusablePoseError: a number is not finite or the orientation no unit quaternion.
-
     """
     goal_id, feedback = bytes(message.goal_id.uuid).hex(), message.feedback
     if hasattr(feedback, "distance_to_goal"):  # nav2_msgs/FollowPath

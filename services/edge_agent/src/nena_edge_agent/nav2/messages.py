@@ -103,7 +103,6 @@ def pose_reading(message: Any) -> PoseReading:  # noqa: ANN401
 
     Raises:
         UnusablePoseError: the position is not finite or the orientation no unit quaternion.
-
     """
     place, turn = message.pose.pose.position, message.pose.pose.orientation
     yaw = yaw_of(turn.x, turn.y, turn.z, turn.w)
@@ -128,7 +127,6 @@ def plan_points(message: Any) -> tuple[str, tuple[tuple[float, float], ...]]:  #
 
     Raises:
         UnusablePoseError: a point is not finite.
-
     """
     points = thinned([(pose.pose.position.x, pose.pose.position.y) for pose in message.poses])
     if not all(math.isfinite(x) and math.isfinite(y) for x, y in points):

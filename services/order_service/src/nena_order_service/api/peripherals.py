@@ -60,7 +60,6 @@ class PeripheralOperations:
 
         Raises:
             UnknownError: there is no job with the name ``after``, or it is no longer in memory.
-
         """
         jobs = iter(self._jobs.all_visible())
         if request.after is not None:
@@ -81,7 +80,6 @@ class PeripheralOperations:
             UnknownError: no device is at the location.
             InvalidRequestError: the device has no such operation.
             NameTakenError: a job has this name.
-
         """
         possible = self._peripherals.operations.get(request.location)
         if possible is None:

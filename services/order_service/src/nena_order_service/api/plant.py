@@ -108,7 +108,6 @@ class PlantOperations:
 
         Raises:
             UnknownError: no point has the name ``after``, or no vehicle the one that is asked for.
-
         """
         holders, vehicle = self._engine.traffic.scheduler.holders_of, request.vehicle
         if vehicle is not None and self._engine.registry.named(vehicle) is None:
@@ -139,7 +138,6 @@ class PlantOperations:
 
         Raises:
             UnknownError: no location has the name ``after``, or no point the one that is asked for.
-
         """
         if request.after is not None:
             self.find_location_status(request.after)

@@ -141,7 +141,6 @@ def iterate_operations(operations: HostOperations) -> Iterator[Operation[Any]]:
 
     Raises:
         ConfigurationError: only administrators may use another one; :func:`role_needed` knows only the table.
-
     """
     yield from (operation for operation in OPERATIONS if operation.name in operations.handlers)
     for handler in operations.handlers.values():

@@ -62,7 +62,6 @@ class PathLocks:
         Raises:
             UnknownError: no such path.
             StoreNotReadyError: the change may be lost.
-
         """
         path = self._existing_path(name)
         changes = Changes()

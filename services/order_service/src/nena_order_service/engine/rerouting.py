@@ -93,7 +93,6 @@ class Rerouting:
         Raises:
             NotReroutableError: it has no order, or its route must not change.
             VehicleNotReachedError: it has to be stopped and cannot be reached.
-
         """
         number = self._drives.order_number(vehicle.key)
         if number is None:

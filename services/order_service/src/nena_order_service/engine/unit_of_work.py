@@ -108,7 +108,6 @@ class UnitOfWork:
 
         Raises:
             StoreNotReadyError: this engine accepts no more changes.
-
         """
         if self.closed:
             raise StoreNotReadyError(self.closed)
@@ -155,7 +154,6 @@ class UnitOfWork:
 
         Raises:
             StoreNotReadyError: nothing was changed, or the change may be lost.
-
         """
         self.require_store()
         yield
@@ -170,7 +168,6 @@ class UnitOfWork:
 
         Raises:
             StoreNotReadyError: the changes may be lost.
-
         """
         self.require_store()
         future: asyncio.Future[None] = asyncio.get_running_loop().create_future()

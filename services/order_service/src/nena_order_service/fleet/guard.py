@@ -121,7 +121,6 @@ class FleetGuard:
 
         Raises:
             FleetTakenError: another order service leads the fleet.
-
         """
         linking = asyncio.create_task(self._link.run(), name="link of the fleet guard")
         try:

@@ -401,7 +401,6 @@ def with_kept_base(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
 
     Raises:
         BaseChangedError: the plan is for another VDA order, or does not continue from the base.
-
     """
     base = held.base_length
     if plan.order_id != held.order_id:

@@ -331,7 +331,6 @@ class RouteFinder:
 
         Raises:
             NoRouteError: a destination cannot be reached from the previous one.
-
         """
         with self.planning.timed():
             return self._find_plan(self.router, start, destinations, vehicle, avoid)

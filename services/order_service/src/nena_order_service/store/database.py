@@ -485,7 +485,6 @@ def read_unfinished(engine: sa.Engine) -> Unfinished:
 
     Raises:
         StoreError: the store contains data that this program did not write.
-
     """
     try:
         return _read_unfinished(engine)

@@ -23,7 +23,6 @@ class InstanceLock:
 
         Raises:
             OSError: the file cannot be opened; BlockingIOError: another process has locked it.
-
         """
         self._path = path
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
@@ -40,7 +39,6 @@ class InstanceLock:
 
         Raises:
             StoreError: another process has locked the file, it cannot be written, or the URL names no file.
-
         """
         parsed = parse_url(url)
         if parsed.get_backend_name() != "sqlite":

@@ -124,7 +124,6 @@ class Leadership:
 
         Raises:
             StoreError: the URL names no PostgreSQL, or its driver is not installed.
-
         """
         self._url = url
         self._engine = make_engine(url, pooled=False)
@@ -144,7 +143,6 @@ class Leadership:
 
         Raises:
             StoreError: the database cannot be reached at all.
-
         """
         winning = asyncio.create_task(self._win_lock(), name="stand by")
         stopping = asyncio.create_task(stop.wait(), name="wait for the end")
@@ -161,7 +159,6 @@ class Leadership:
 
         Raises:
             StoreError: the store cannot be used.
-
         """
         engine = await asyncio.to_thread(open_database, self._url)
         try:

@@ -258,7 +258,6 @@ def parse_url(url: str) -> sa.URL:
 
     Raises:
         StoreError: it is not a database URL, or the database is neither SQLite nor PostgreSQL.
-
     """
     try:
         parsed = make_url(url)
@@ -291,7 +290,6 @@ def make_engine(url: str, *, pooled: bool = True) -> sa.Engine:
 
     Raises:
         StoreError: the database is of another kind, or its driver is not installed.
-
     """
     parsed = parse_url(url)
     pool = None if pooled else NullPool
@@ -314,7 +312,6 @@ def open_database(url: str) -> sa.Engine:
 
     Raises:
         StoreError: the database does not exist, cannot be written, or belongs to another release.
-
     """
     engine = make_engine(url)
     try:

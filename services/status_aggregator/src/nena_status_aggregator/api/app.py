@@ -132,7 +132,6 @@ def make_app(
 
     Raises:
         ConfigurationError: the users file or an OIDC setting is unusable.
-
     """
     tokens = access_tokens_of(http)
     app = FastAPI(

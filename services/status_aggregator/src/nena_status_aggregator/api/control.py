@@ -48,7 +48,6 @@ class OrderServiceClient:
         Raises:
             ProblemError: 404 for a path that is not forwarded, or without a URL; 502 without an answer. A
                 command may have been executed nevertheless.
-
         """
         if not self.enabled:
             detail = "Commands are disabled. Set --order_service.url, e.g. to http://127.0.0.1:55200."
@@ -138,7 +137,6 @@ def check_origin(request: Request, trusted_hosts: tuple[str, ...]) -> None:
 
     Raises:
         ProblemError: 403 for a page of another origin or an untrusted host name.
-
     """
     host = request.headers.get("host", "")
     if _split_url(f"//{host}").hostname not in trusted_hosts:
@@ -165,7 +163,6 @@ def resource_of(request: Request) -> str:
 
     Raises:
         ProblemError: 404 for resources and methods that the panel does not use.
-
     """
     raw: bytes = request.scope["raw_path"]
     path = raw.decode("ascii").split("?", 1)[0].removeprefix(f"{PREFIX}/")
@@ -182,7 +179,6 @@ async def read_body(request: Request) -> bytes:
 
     Raises:
         ProblemError: 415 if it is not JSON, 413 if it is too long.
-
     """
     if request.headers.get("content-type", "").split(";")[0].strip().lower() != "application/json":
         detail = "Send commands as JSON, with Content-Type: application/json."

@@ -30,7 +30,6 @@ class EventStream(EventRing[bytes]):
             settings: the limits.
             epoch: identifies this run; without spaces and ``-``.
             snapshot: returns the number of the last event, and the fleet as of it as JSON.
-
         """
         super().__init__(settings.history)
         self._settings = settings

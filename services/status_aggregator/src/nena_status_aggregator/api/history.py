@@ -189,7 +189,6 @@ class QueryQueue(Generic[T]):
 
         Raises:
             ProblemError: the history is disabled or unavailable, or the query costs too much.
-
         """
         history = require_history(self._history)
         if self._waiting >= WAITING_LIMIT:
@@ -215,7 +214,6 @@ def range_of(
 
     Raises:
         ProblemError: it is empty, too long, or begins in the future.
-
     """
     since, until = requested
     end = min(until or now, now)

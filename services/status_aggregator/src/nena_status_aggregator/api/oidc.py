@@ -101,7 +101,6 @@ class SignIn:
 
         Raises:
             ConfigurationError: the client secret file is unusable.
-
         """
         self.panel = f"{str(settings.panel_url).rstrip('/')}/"
         self._client = str(settings.client_id)
@@ -115,7 +114,6 @@ class SignIn:
 
         Raises:
             SignInError: the issuer's metadata is unavailable.
-
         """
         try:
             place = (await self._issuer.metadata()).authorization_endpoint
@@ -138,7 +136,6 @@ class SignIn:
 
         Raises:
             SignInError: the sign-in failed.
-
         """
         if attempt is None or not _is_same(query.get("state", ""), attempt.state):
             raise SignInError("expired", "missing or wrong state parameter")
@@ -207,7 +204,6 @@ def sign_in_of(tokens: Any) -> SignIn | None:  # noqa: ANN401 - IssuerTokens; lo
 
     Raises:
         ConfigurationError: the client secret file is unusable.
-
     """
     settings = tokens.issuer.settings if tokens else None
     if tokens is None or not isinstance(settings, PanelOidcSettings) or settings.client_id is None:

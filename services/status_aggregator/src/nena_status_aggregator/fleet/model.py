@@ -241,7 +241,6 @@ class FleetModel:
             problem: what is wrong with it.
             at: time of arrival.
             key: robot of the topic, if any.
-
         """
         self.statistics.received[kind] += key is None  # with a robot, _count_and_find counts it
         self.statistics.malformed[kind] += 1

@@ -134,7 +134,6 @@ def make_engine(url: str) -> Engine:
 
     Raises:
         HistoryError: the URL has no file name, or the database driver is not installed.
-
     """
     try:
         parsed = _parse_url(url)
@@ -178,7 +177,6 @@ def prepare(engine: Engine) -> None:
     Raises:
         HistoryError: the tables have another version.
         SQLAlchemyError: the database is not reachable or writable.
-
     """
     with engine.begin() as connection:
         metadata.create_all(connection)
@@ -341,7 +339,6 @@ def expire(engine: Engine, *, before: datetime, code: Code | None = None) -> int
         engine: the database.
         before: delete older entries.
         code: delete only this kind; None: all kinds.
-
     """
     table = event_table
     old = select(table.c.id).where(table.c.time < milliseconds(before)).limit(EXPIRED_PER_COMMIT)

@@ -63,7 +63,6 @@ class History:
 
         Raises:
             HistoryError: the URL is unusable.
-
         """
         self._engine = database.make_engine(url)
         self.writer = HistoryWriter(settings, self._engine, clock)
@@ -75,7 +74,6 @@ class History:
 
         Raises:
             HistoryUnavailableError: the database is unavailable.
-
         """
         return await self.read(database.read_newest, wanted, before=before, limit=limit)
 
@@ -84,7 +82,6 @@ class History:
 
         Raises:
             HistoryUnavailableError: the database is unavailable.
-
         """
         newest = await self.newest(wanted, limit=1)
         last, end = 0, newest[0]["id"] if newest else 0
@@ -102,7 +99,6 @@ class History:
 
         Raises:
             HistoryUnavailableError: the database is unavailable.
-
         """
         try:
             return await asyncio.to_thread(query, self._engine, *arguments, **named)

@@ -33,7 +33,6 @@ def read_replay(engine: Engine, since: int, until: int) -> Replay:
     Raises:
         TooManyEntriesError: the range has too many entries.
         SQLAlchemyError: the database is unavailable.
-
     """
     with engine.connect() as connection:
         period = Period(connection, since, until)

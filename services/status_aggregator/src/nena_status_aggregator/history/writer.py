@@ -76,7 +76,6 @@ class HistoryWriter:
 
         Raises:
             HistoryError: the history settings are invalid.
-
         """
         try:
             await self._in_thread(partial(database.prepare, self._engine))

@@ -69,7 +69,6 @@ class BoundedHttp:
 
         Raises:
             IssuerUnavailableError: no JSON object was received in time.
-
         """
         try:
             async with (
@@ -162,7 +161,6 @@ class KeySet:
 
         Raises:
             ValueError: the document is not a JWK Set, or contains no usable key.
-
         """
         listed = document.get("keys")
         if not isinstance(listed, list) or len(listed) > KEYS_LIMIT:

@@ -46,7 +46,6 @@ def header_of(token: str, algorithms: Sequence[str]) -> TokenHeader:
 
     Raises:
         TokenRefusedError: the token is malformed, or its type or algorithm is not accepted.
-
     """
     try:
         if len(token) > LENGTH_LIMIT:
@@ -72,7 +71,6 @@ def verified(
 
     Raises:
         TokenRefusedError: the token is invalid.
-
     """
     try:
         claims: dict[str, Any] = jwt.decode(

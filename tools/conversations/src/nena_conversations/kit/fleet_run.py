@@ -140,7 +140,6 @@ async def judge_fleet(
 
     Raises:
         BrokerError: the broker is unreachable or rejects the subscriptions.
-
     """
     verdicts: list[Verdict] = []
 

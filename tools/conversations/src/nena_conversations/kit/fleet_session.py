@@ -131,7 +131,6 @@ class FleetSession(Listener):
 
         Raises:
             NotApplicableError: none came.
-
         """
         first = len(self.player.orders)
         last = [content_of(order) for _, order in self.player.orders[-1:]]
@@ -167,7 +166,6 @@ class FleetSession(Listener):
         Raises:
             NotApplicableError: none came.
             ClauseFailedError: one came, and the robot could not take it.
-
         """
         self.player.holds = True
         for _ in range(ATTEMPTS):

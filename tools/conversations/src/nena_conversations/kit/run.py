@@ -65,7 +65,6 @@ async def judge_robot(
 
     Raises:
         BrokerError: the broker is unreachable or rejects the subscriptions.
-
     """
     verdicts: list[Verdict] = []
 

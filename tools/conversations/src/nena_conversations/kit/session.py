@@ -105,7 +105,6 @@ class Listener:
 
         Raises:
             ClauseFailedError: it did not come true in time.
-
         """
         seconds = self.answer_within if within is None else within
         if not await self.came_true(condition, seconds):
@@ -256,7 +255,6 @@ class RobotSession(Listener):
 
         Raises:
             ClauseFailedError: the robot shows no state of it, or it does not end.
-
         """
         action_id = self.send_instant(action_type, **parameters)
         found: list[ActionState] = []

@@ -56,7 +56,6 @@ def propose_plant(
 
     Raises:
         RobotMapError: no robot of this size fits anywhere.
-
     """
     space = FreeSpace(robot_map, size)
     cell = robot_map.resolution

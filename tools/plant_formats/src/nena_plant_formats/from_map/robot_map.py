@@ -58,7 +58,6 @@ def read_map(path: Path) -> RobotMap:
     Raises:
         RobotMapError: the file or its image is no map.
         OSError: one of them cannot be opened.
-
     """
     try:
         values = yaml.safe_load(path.read_text(encoding="utf-8"))

@@ -173,7 +173,6 @@ def build(sources: Sources, folder: Path) -> None:
 
     Raises:
         CompilationError: the compiler failed.
-
     """
     folder.mkdir()
     base = _compile(sources, "rosidl_generator_c", folder, ())

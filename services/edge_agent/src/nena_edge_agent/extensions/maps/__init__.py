@@ -66,7 +66,6 @@ class Maps(Extension):
         Raises:
             ConfigurationError: no plug-in has that name, or 'nav2' cannot be used here.
             StartError: the folder cannot be used.
-
         """
         settings, agent = self.settings, self.core.settings
         if settings.store == "fixed":

@@ -148,7 +148,6 @@ def _read_bundle(content: bytes) -> MapBundle:
 
     Raises:
         MapRefusedError: it is not a Nav2 map.
-
     """
     from nena_edge_agent.extensions.maps.bundle import BadBundleError, MapBundle  # noqa: PLC0415 - see the docstring
 

@@ -184,7 +184,6 @@ class AuditTrail(Extension):
 
         Raises:
             StoreNotReadyError: the store cannot be read.
-
         """
         while mark := await self._store.read_expired_audit(self.clock.now() - self._kept):
             done = asyncio.Event()

@@ -115,7 +115,6 @@ class Drafts:
             UnknownError: the draft was deleted, or there is no such version of the plant.
             RefusedError: somebody else has saved it, or no more drafts can be stored.
             StoreNotReadyError: the change may be lost.
-
         """
         model, findings = await self._read(name, request)
         text = await asyncio.to_thread(_to_text, model)
@@ -182,7 +181,6 @@ class Drafts:
             InvalidPlantError: it has errors.
             PlantInUseError: orders or vehicles use objects that it lacks.
             StoreNotReadyError: it may not be activated.
-
         """
         self.status(name)
         self._check_version(name, request.version)

@@ -116,7 +116,6 @@ class Schedules:
             InvalidRequestError: its order does not fit the plant model.
             RefusedError: no more schedules can be stored.
             StoreNotReadyError: the change may be lost.
-
         """
         async with self._one_by_one:
             time = self._engine.clock.now()
@@ -139,7 +138,6 @@ class Schedules:
         Raises:
             UnknownError: no such schedule.
             StoreNotReadyError: the change may be lost.
-
         """
         async with self._one_by_one:
             definition = _schedule_named(name, self._known).schedule.definition
@@ -156,7 +154,6 @@ class Schedules:
         Raises:
             UnknownError: no such schedule.
             StoreNotReadyError: the change may be lost.
-
         """
         async with self._one_by_one:
             deleted = _schedule_named(name, self._known)

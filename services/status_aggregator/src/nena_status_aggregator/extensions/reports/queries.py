@@ -97,7 +97,6 @@ def compute_report(engine: Engine, since: int, until: int) -> Report:
     Raises:
         TooManyEntriesError: the range has too many entries.
         SQLAlchemyError: the database is unavailable.
-
     """
     with engine.connect() as connection:
         period = Period(connection, since, until)
