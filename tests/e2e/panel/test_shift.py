@@ -285,7 +285,7 @@ async def an_area_is_stopped_and_released(screen: Screen, orders: httpx.AsyncCli
 async def yesterdays_report_is_read(screen: Screen) -> None:
     page, say = screen.page, screen.say
     await page.get_by_role("link", name=say("reports.title"), exact=True).click()
-    await page.get_by_label(say("reports.range")).select_option("yesterday")
+    await page.get_by_label(say("period.range")).select_option("yesterday")
     finished = page.locator(".figures > div").filter(has_text=say("reports.finished")).locator("dd")
     await expect(finished).to_have_text("6")
     await screen.check("report")

@@ -63,7 +63,7 @@ def test_every_language_has_every_text_with_the_same_values(language: str) -> No
 OTHER_WORD = {"en": "vehicle", "de": "fahrzeug", "nl": "voertuig"}
 """What stands on the floor is a robot; openTCS and the interfaces of integrators say vehicle."""
 DEVELOPERS = re.compile(r"--\w|\b(?:HTTP|REST|JSON|PUT|POST|GET|[A-Z]+_[A-Z_]+|[a-z]+_[a-z_]+|[45]\d\d)\b")
-FILE_FORMATS = {"history.jsonl", "plant.mapFiles", "reports.json"}
+FILE_FORMATS = {"period.jsonl", "plant.mapFiles", "period.json"}
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -46,7 +46,7 @@ class AuditPage extends HTMLElement {
     const narrowing = element("div", { class: "fields" }, ...fields);
     narrowing.addEventListener("change", () => this.#load(null));
     const hint = element("p", { class: "hint" }, t("audit.hint"));
-    const csv = button(t("audit.csv"), () => this.#export(csv));
+    const csv = button(t("period.csv"), () => this.#export(csv));
     const found = element("section", {}, narrowing, hint, element("p", {}, csv), this.list, this.note, this.older);
     this.replaceChildren(element("header", { class: "head" }, backLink(), heading), found);
     heading.focus({ preventScroll: true });

@@ -55,7 +55,7 @@ class HistoryPage extends HTMLElement {
     this.#replay(null);
     if (view === null) return this.replaceChildren();
     const linked = parameters();
-    const ranges = [...Object.keys(RANGES), "given"].map((name) => [name, t(`history.${name}`)]);
+    const ranges = [...Object.keys(RANGES).map((name) => [name, t(`history.${name}`)]), ["given", t("period.given")]];
     this.range = select(ranges, { name: "range" });
     this.from = element("input", { type: "datetime-local" });
     this.to = element("input", { type: "datetime-local" });
@@ -75,8 +75,8 @@ class HistoryPage extends HTMLElement {
     this.slider.addEventListener("input", () => this.#moved());
     const heading = element("h2", { tabindex: -1 }, t("order.history"));
     const head = element("header", { class: "head" }, backLink(), heading);
-    const times = Object.entries({ range: this.range, from: this.from, to: this.to, speedLabel: this.speed });
-    const choices = element("div", { class: "fields" }, ...times.map(([name, control]) => field(t(`history.${name}`), control)), this.play, this.clock);
+    const times = Object.entries({ "period.range": this.range, "period.from": this.from, "period.to": this.to, "history.speedLabel": this.speed });
+    const choices = element("div", { class: "fields" }, ...times.map(([name, control]) => field(t(name), control)), this.play, this.clock);
     const controls = element("section", {}, choices, this.slider, this.marks, this.note);
     const narrowing = element("div", { class: "fields" }, ...Object.entries(this.filters).map(([name, control]) => field(t(`history.by.${name}`), control)));
     narrowing.addEventListener("input", () => this.#narrow());
@@ -366,7 +366,7 @@ function rangeOf(from, to) {
 
 // The same time range and filters as a file, `csv` or `jsonl`.
 function download(range, form, filter, codes) {
-  return element("a", { href: `api/v1/history.${form}?${queryOf(range, filter, codes)}`, download: `nena-history.${form}` }, t(`history.${form}`));
+  return element("a", { href: `api/v1/history.${form}?${queryOf(range, filter, codes)}`, download: `nena-history.${form}` }, t(`period.${form}`));
 }
 
 customElements.define("nena-history-page", HistoryPage);

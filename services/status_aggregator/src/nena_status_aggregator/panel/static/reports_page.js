@@ -43,7 +43,7 @@ class ReportsPage extends HTMLElement {
     this.#loading.abort();
     this.#report = null;
     if (view === null) return this.replaceChildren();
-    const presets = [...Object.keys(RANGES), "given"].map((name) => [name, t(`reports.${name}`)]);
+    const presets = [...Object.keys(RANGES).map((name) => [name, t(`reports.${name}`)]), ["given", t("period.given")]];
     this.preset = select(presets, { name: "range" });
     this.from = element("input", { type: "datetime-local" });
     this.to = element("input", { type: "datetime-local" });
@@ -54,7 +54,7 @@ class ReportsPage extends HTMLElement {
     for (const input of [this.from, this.to]) input.addEventListener("change", () => this.#choose("given"));
     const heading = element("h2", { tabindex: -1 }, t("reports.title"));
     const controls = [["range", this.preset], ["from", this.from], ["to", this.to]];
-    const choices = element("div", { class: "fields" }, ...controls.map(([name, control]) => field(t(`reports.${name}`), control)));
+    const choices = element("div", { class: "fields" }, ...controls.map(([name, control]) => field(t(`period.${name}`), control)));
     const head = element("header", { class: "head" }, backLink(), heading);
     this.replaceChildren(head, element("section", {}, choices, this.files, this.note), this.results);
     heading.focus({ preventScroll: true });
@@ -177,7 +177,7 @@ function notesOn({ recordedSince, recordedSeconds, until, missing }, since) {
 
 function download(form, query) {
   const kind = form ? "csv" : "json";
-  return element("a", { href: `api/v1/report${form}?${query}`, download: `nena-report.${kind}` }, t(`reports.${kind}`));
+  return element("a", { href: `api/v1/report${form}?${query}`, download: `nena-report.${kind}` }, t(`period.${kind}`));
 }
 
 function summaryOf({ orders, utilisation, waitingShare, robots, waiting }) {
