@@ -334,9 +334,7 @@ def from_layouts(file: LifFile) -> OriginsFile:
     meta = file.meta_information
     return OriginsFile(
         meta_information=FacilityInformation(
-            lif_id=meta.project_identification,
-            creator=meta.creator,
-            export_timestamp=meta.export_timestamp,
+            **_set_fields(meta, {"project_identification": "lif_id"}, "lif_version"),
             lif_version=LifVersion.V2_0,
         ),
         origins=tuple(

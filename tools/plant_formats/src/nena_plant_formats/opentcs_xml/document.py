@@ -155,8 +155,9 @@ class FormatVersion(IntEnum):
         if numbers is not None:
             major, minor, patch = (int(number or 0) for number in numbers.groups())
             # Before 6.0.0, openTCS counted its formats by the last number: 0.0.2 to 0.0.5.
-            known = _MAJORS.get(major) if major else _PATCHES.get(patch)
-            if minor == 0 and known is not None:
+            wanted = 10 * major or patch
+            fitting = (each for each in FormatVersion if each == wanted and each.is_old is not bool(major))
+            if minor == 0 and (known := next(fitting, None)) is not None:
                 return known
         raise PlantModelError(
             [
@@ -168,17 +169,6 @@ class FormatVersion(IntEnum):
                 )
             ]
         )
-
-
-_MAJORS: Final = MappingProxyType({6: FormatVersion.V6_0_0, 7: FormatVersion.V7_0_0})
-_PATCHES: Final = MappingProxyType(
-    {
-        2: FormatVersion.V0_0_2,
-        3: FormatVersion.V0_0_3,
-        4: FormatVersion.V0_0_4,
-        5: FormatVersion.V0_0_5,
-    }
-)
 
 
 @dataclass(slots=True)
