@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from support.programs import require_no_failures, what_of
-from support.waiting import PATIENCE, until
+from support.waiting import PATIENCE, STARTUP, until
 
 END_WITHIN = PATIENCE
 """Seconds."""
@@ -58,6 +58,7 @@ class AggregatorProcess:
         """Wait for the first log line of one event."""
         found = await until(
             lambda: self.events(event),
+            timeout=STARTUP,
             what=lambda: f"log event '{event}' ({what_of(self.process)}): {self.output}",
         )
         return found[0]

@@ -15,7 +15,7 @@ from typing import Self
 import httpx
 import psutil
 
-from support.waiting import PATIENCE, until
+from support.waiting import PATIENCE, STARTUP, until
 
 ENDED_WITHIN = PATIENCE
 """Seconds that a program has to end in order."""
@@ -129,6 +129,7 @@ class Program:
 
         return await until(
             found,
+            timeout=STARTUP,
             what=lambda: f"{pattern} in the log of {self.process.args!r}, which {what_of(self.process)}",
         )
 

@@ -21,7 +21,7 @@ LONGEST_REST = 0.1
 PATIENCE = 90.0
 """Timeout for conditions that are certain to become true, even on a slow machine, seconds."""
 STARTUP = 3 * PATIENCE
-"""Timeout for the start of a program with ROS, whose imports alone need seconds of CPU, seconds."""
+"""Timeout for the start of a program, whose imports alone need seconds of CPU, seconds."""
 
 
 async def until(

@@ -75,6 +75,7 @@ async def test_form_is_generated_from_the_factsheet(hall: Hall, browser: Browser
             await form.get_by_label("tune").fill('{"notes": [1, 2]}')
             await send.click()
             await expect(form).to_contain_text("beep failed on Vehicle-1: no horn")
+            await expect(form.locator(".result")).to_have_attribute("data-level", "bad")
             await form.get_by_label("Action").select_option("shutdown")
             await send.click()  # not confirmed
             assert len(sent) == 1

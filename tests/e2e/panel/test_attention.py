@@ -178,7 +178,7 @@ async def test_matter_is_shown_acknowledged_and_ends(
             await expect(page).to_have_title("NeNa")
             site.robot("Hit", **emergency("MANUAL"))
             header = page.locator("nena-attention-button button")
-            await expect(header).to_have_text(f"{count}: Hit: {label}")
+            await expect(header).to_have_text(f"{count}: {label}: Hit")
             await expect(page).to_have_title("(1) NeNa")
             if width > 900:
                 await header.click()
@@ -194,7 +194,7 @@ async def test_matter_is_shown_acknowledged_and_ends(
             await expect(row).to_contain_text("Anna")
             await expect(button).to_have_count(0)
             await expect(page).to_have_title("NeNa")
-            await expect(header).to_have_text(f"{known}: Hit: {label}")
+            await expect(header).to_have_text(f"{known}: {label}: Hit")
             await expect(header).to_have_attribute("data-urgent", "")  # it has not ended
             site.robot("Weak", **power(12.0))
             await expect(rows(page)).to_have_count(2)

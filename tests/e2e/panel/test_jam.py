@@ -101,7 +101,7 @@ async def test_jam_is_traced_to_its_first_robot(hall: Hall, browser: Browser, *,
         async with opened(browser, hall.url, width=1600, height=1000, dark=dark) as page:
             header = page.locator("nena-fleet-summary")
             needs = page.locator("nena-attention-button")
-            await expect(needs).to_contain_text("AMR-17: Emergency stop")
+            await expect(needs).to_contain_text("Emergency stop: AMR-17")
             jammed = page.locator("nena-attention li").filter(has_text="Jam")
             await expect(jammed).to_contain_text("holds up 5 robots")
             await expect(header).to_contain_text("5 Waiting")
@@ -110,7 +110,7 @@ async def test_jam_is_traced_to_its_first_robot(hall: Hall, browser: Browser, *,
             await expect(row(page, 17)).to_contain_text("Emergency stop")
             waiting = row(page, 1)
             await expect(waiting).to_contain_text("Waits for AMR-15 to pass Middle 2.")
-            await expect(waiting).to_contain_text("Head of queue: AMR-17 (Emergency stop)")
+            await expect(waiting).to_contain_text("AMR-17 (Emergency stop) is at the head")
             await expect(waiting.locator(".order")).to_have_text("T-1")
             await expect(waiting.get_by_role("progressbar")).to_have_attribute("value", "50")
             await becomes(page, LABELS, None, lambda labels: "AMR-17 (jam: 5)" in labels)
@@ -148,7 +148,7 @@ async def test_a_circle_is_named(hall: Hall, browser: Browser) -> None:
             robot(hall, number, 3.0 * number, 7, other)
         async with opened(browser, hall.url) as page:
             needs = page.locator("nena-attention-button")
-            await expect(needs).to_contain_text("AMR-01, AMR-02, AMR-03: Robots wait for each other")
+            await expect(needs).to_contain_text("Robots wait for each other: AMR-01, AMR-02, AMR-03")
             await expect(row(page, 2)).to_contain_text("Waiting in a circle: AMR-01, AMR-02, AMR-03")
             await row(page, 2).get_by_role("link", name="AMR-02").click()
             causes = page.locator("nena-robot-page .causes")
@@ -178,7 +178,7 @@ async def test_a_locked_path_is_the_head_of_those_that_wait_for_it(hall: Hall, b
             await expect(jammed).to_contain_text("holds up 5 robots")
             await expect(jammed.get_by_role("link", name=path)).to_be_visible()
             await expect(row(page, 1)).to_contain_text(f"Waits until path {path} is unlocked.")
-            await row(page, 5).get_by_role("link", name=f"Head of queue: path {path}, locked").click()
+            await row(page, 5).get_by_role("link", name=f"Path {path} is locked").click()
             await expect(page.locator("nena-place-page h2")).to_have_text(path)
             await expect(page.locator("nena-queue")).to_contain_text("5 robots wait behind it")
             await expect(page.locator("nena-queue")).to_contain_text(
@@ -216,7 +216,8 @@ async def end_the_jam(page: Page, orders: httpx.AsyncClient) -> None:
     behind = page.locator("nena-queue")
     await expect(behind).to_contain_text("1 robot waits behind it")
     await behind.get_by_role("button", name="Reroute the others").click()
-    await expect(behind).to_contain_text("0 of 1 robots have another route now.")
+    await expect(behind).to_contain_text("No robot has another route now.")
+    await expect(behind.locator(".result")).to_have_attribute("data-level", "bad")
     await behind.get_by_role("button", name="Take out of traffic").click()
     form = page.get_by_role("form", name="In or out of use")
     await expect(form.locator("select")).to_have_value("TO_BE_IGNORED")
@@ -370,13 +371,13 @@ async def test_robot_waiting_for_a_paused_one_is_not_idle(
             await expect(waiting).to_have_attribute("data-condition", "WAITING")
             await expect(waiting).to_contain_text("Blocked at South 3 by Robot-02.")
             await expect(
-                waiting.get_by_role("link", name="Head of queue: Robot-02 (Blocked)")
+                waiting.get_by_role("link", name="Robot-02 (Blocked) is at the head")
             ).to_be_visible()
             await expect(waiting.locator(".order")).to_have_text("T-1")
             await orders.post("/v1/vehicles/Robot-02/instantActions", json={"actionType": "resume"})
             await order_in(orders, "T-1", "FINISHED")
             await expect(waiting).to_have_attribute("data-condition", "IDLE")
-            await expect(waiting).not_to_contain_text("Head of queue")
+            await expect(waiting).not_to_contain_text("at the head")
 
 
 async def test_reasons_of_a_stopped_order_service_are_marked_as_outdated(
@@ -388,7 +389,7 @@ async def test_reasons_of_a_stopped_order_service_are_marked_as_outdated(
         hall.peer.publish(hall.fleet.service_status, dead.model_dump_json(by_alias=True), retain=True)
         async with opened(browser, hall.url, width=1600, height=1000) as page:
             await expect(page.locator("nena-link-banner")).to_contain_text("The order service is down.")
-            for part in (".reason", "a:has-text('Head of queue')", ".order", ".progress"):
+            for part in (".reason", "a:has-text('at the head')", ".order", ".progress"):
                 await expect(row(page, 1).locator(part)).to_have_css("font-style", "italic")
             await expect(row(page, 7).locator(".order")).to_have_css("font-style", "normal")
             await expect(row(page, 17).locator(".reason")).to_have_css("font-style", "normal")
@@ -408,8 +409,11 @@ async def test_reasons_of_a_stopped_order_service_are_marked_as_outdated(
 @pytest.mark.parametrize(
     ("language", "words"),
     [
-        ("de-DE", ("Stau", "hält auf: 5 Roboter", "Not-Halt", "Wartet", "Ganz vorn: AMR-17 (Not-Halt)")),
-        ("nl-NL", ("Opstopping", "houdt op: 5 robots", "Noodstop", "Wacht", "Vooraan: AMR-17 (Noodstop)")),
+        ("de-DE", ("Stau", "hält auf: 5 Roboter", "Not-Halt", "Wartet", "AMR-17 (Not-Halt) steht ganz vorn")),
+        (
+            "nl-NL",
+            ("Opstopping", "houdt op: 5 robots", "Noodstop", "Wacht", "AMR-17 (Noodstop) staat vooraan"),
+        ),
     ],
 )
 async def test_jam_is_shown_in_the_users_language(

@@ -67,6 +67,28 @@ async def test_a_path_is_locked_and_a_robot_sent_from_the_map(
         assert await findings(page) == []
 
 
+def _marked(found: int) -> bool:
+    return found > 3
+
+
+def _plain(found: int) -> bool:
+    return not _marked(found)
+
+
+async def test_a_lock_by_others_is_on_the_map_once_it_is_listed(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with site(broker, interface_name, tmp_path, browser) as (page, orders):
+        await page.add_init_script("window.setInterval = () => 0")  # without a look every few seconds
+        await page.reload()
+        await plan_shown(page)
+        for locked in (True, False, True):
+            await orders.put("/v1/paths/South 1 --- South 2/lock", json={"locked": locked})
+            listed = page.locator("nena-attention li").filter(has_text="Path locked")
+            await expect(listed).to_have_count(int(locked))
+            await becomes(page, COLOUR_NEAR, [5, 2, "bad"], _marked if locked else _plain)
+
+
 async def test_tiny_map_draws_nothing_and_has_a_full_screen_button(hall: Hall, browser: Browser) -> None:
     async with hall.connected():
         hall.publish_plant()

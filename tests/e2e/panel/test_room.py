@@ -97,7 +97,7 @@ async def test_many_robots_are_in_sight(
         publish_robots(hall)
         async with opened(browser, hall.url, width=width, height=height) as page:
             row = page.locator("tr[data-robot='ACME/r02']")
-            await expect(row).to_contain_text("Head of queue: AMR-01 (Emergency stop)")
+            await expect(row).to_contain_text("AMR-01 (Emergency stop) is at the head")
             await expect(row).to_contain_text("Waits for AMR-01 to pass Middle 2.")
             await expect(row.locator(".line").first).to_contain_text(" s")  # how long it has waited
             await becomes(page, IN_SIGHT, None, lambda count: count >= least)

@@ -210,7 +210,7 @@ async def the_stopped_robot_is_seen(screen: Screen) -> None:
     else:
         await expect(page.locator(f"tr[data-robot='ACME/r{STOPPED}']")).to_be_in_viewport()
         needs = page.locator("nena-attention-button")
-        await expect(needs).to_contain_text(f"AMR-{STOPPED}: {say('urgent.emergency_stop')}")
+        await expect(needs).to_contain_text(f"{say('urgent.emergency_stop')}: AMR-{STOPPED}")
         await becomes(page, LABELS, None, lambda labels: any(f"AMR-{STOPPED}" in each for each in labels))
     await screen.check("lists")
 

@@ -22,9 +22,9 @@ function labelOf({ kind, robot, paths }, store) {
   return shown && !OWN_TEXT.includes(kind) ? conditionText(shown) : t(`attention.${kind}`);
 }
 
-// The reason, `{text, foreign}`; for what has no own words, empty.
+// The reason, `{text, foreign, names}`; `names`: it begins with a name; for what has no own words, empty.
 function reasonFor({ kind, robot, subject, paths }, { store, plant }) {
-  if (kind === "path_locked") return { text: [paths.slice(1).join(", "), setBy(plant.find(subject)?.thing.lockedBy)].filter(Boolean).join(" – ") };
+  if (kind === "path_locked") return { text: [paths.slice(1).join(", "), setBy(plant.find(subject)?.thing.lockedBy)].filter(Boolean).join(" – "), names: true };
   const shown = store.robots.get(robot);
   if (shown) return { text: reasonOf(shown) };
   const order = kind.startsWith("order_") && store.orders.get(subject);
@@ -83,7 +83,7 @@ class AttentionButton extends HTMLElement {
     const [first] = open.length ? open : store.attention; // acknowledged is not ended
     document.title = open.length ? `(${open.length}) NeNa` : "NeNa";
     setAttribute(this.button, "data-urgent", first?.urgent ? "" : null);
-    const what = first && [nameIn(first), labelOf(first, store)].filter(Boolean).join(": ");
+    const what = first && [labelOf(first, store), nameIn(first)].filter(Boolean).join(": "); // a long name is cut at its end
     const [text, count] = open.length ? ["attention.count", open.length] : ["attention.known", store.attention.length];
     setText(this.button, first ? plural(text, count, { what }) : t("attention.none"));
   }
@@ -189,7 +189,7 @@ class Attention extends HTMLElement {
     const facts = [since, held.length ? t("attention.holds", { what: held.join(", ") }) : "", acknowledged ? t("attention.by", { by: acknowledged.by }) : ""];
     const text = [
       chip, " ", name, element("span", { class: "detail" }, facts.filter(Boolean).join(" · ")),
-      reason.text ? element("p", {}, reason.text) : "",
+      reason.text ? element("p", { class: reason.names ? null : "sentence" }, reason.text) : "",
       reason.foreign ? element("p", {}, foreign("q", reason.foreign)) : "",
       advice ? element("p", { class: "advice" }, advice) : "",
     ];

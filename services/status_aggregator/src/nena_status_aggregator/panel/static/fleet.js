@@ -107,6 +107,7 @@ export class PlantStore extends EventTarget {
   model = null;
   #known = null;
   #locksFollowed = false;
+  #listed = "";
   #asking = false;
   #store;
   #person;
@@ -118,7 +119,7 @@ export class PlantStore extends EventTarget {
     this.#person = person;
     store.addEventListener("change", ({ detail: { parts } }) => {
       if (parts.has("plant")) this.#load(store.plant);
-      if (parts.has("orderService") && this.#locksFollowed) this.#loadLocks(); // a stop of an area locks paths
+      if (this.#locksFollowed && ((parts.has("attention") && this.#lockedOthers()) || parts.has("orderService"))) this.#loadLocks(); // a stop of an area locks paths
     });
   }
 
@@ -127,6 +128,13 @@ export class PlantStore extends EventTarget {
     this.#locksFollowed = true;
     this.#loadLocks();
     setInterval(() => document.hidden || this.#loadLocks(), LOCKS_EVERY);
+  }
+
+  // Whether other paths are listed as locked than at the last look.
+  #lockedOthers() {
+    const before = this.#listed;
+    this.#listed = this.#store.attention.flatMap(({ kind, paths }) => (kind === "path_locked" ? paths : [])).join();
+    return this.#listed !== before;
   }
 
   /** Lock or unlock a path. */

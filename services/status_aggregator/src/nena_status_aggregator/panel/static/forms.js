@@ -46,6 +46,9 @@ export function unsentForm() {
   return document.querySelector("form.command[data-touched]");
 }
 
+// Answers that are no success.
+const UNDONE = { "command.FAILED": "bad", "command.UNKNOWN": "bad", "command.PENDING": "wait", "queue.noneRerouted": "bad", "queue.nothingToLock": "bad", "queue.confirm": "wait" };
+
 /** Send a command from a button and show its result in `result`. Returns whether it was done. */
 export async function run(button, result, send) {
   if (button.getAttribute("aria-busy") === "true") return false;
@@ -53,7 +56,7 @@ export async function run(button, result, send) {
   show(result, "wait", t("command.sent"));
   try {
     const [key, values, ...details] = await send();
-    show(result, "fine", t(key, values), details);
+    show(result, UNDONE[key] ?? "fine", t(key, values), details);
     emit("poseshow", null);
     return true;
   } catch (error) {

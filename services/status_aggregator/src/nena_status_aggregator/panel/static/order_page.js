@@ -38,7 +38,7 @@ class OrderPage extends HTMLElement {
     this.facts = element("dl", { class: "facts" });
     this.progress = progressBar();
     this.stops = element("ol", { class: "stops" });
-    this.history = element("ol", { class: "history" }, element("li", { class: "hint" }, t("order.historyNone")));
+    this.history = element("ol", { class: "history" });
     this.gone = element("p", { class: "hint" }, t("order.gone"));
     const head = element("header", { class: "head" }, backLink(), this.heading, this.chip);
     this.commands = new OrderCommands(this.#name, this.fleet, (request) => this.dispatchEvent(new CustomEvent("edit", { detail: request })));
@@ -82,6 +82,7 @@ class OrderPage extends HTMLElement {
     if (name !== this.#name) return;
     this.status = status;
     if (entries.length) this.history.replaceChildren(...entries.map(entry));
+    else if (!this.history.hasChildNodes()) this.history.append(element("li", { class: "hint" }, t("order.historyNone")));
     if (status) this.#update();
   }
 }

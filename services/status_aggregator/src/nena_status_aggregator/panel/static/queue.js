@@ -61,7 +61,7 @@ class Queue extends HTMLElement {
     const names = robotsBehind(this.head, this.store).map(({ vehicle }) => vehicle.name);
     const answers = await Promise.allSettled(names.map((name) => command(["vehicles", name, "rerouting"], { type: "REGULAR" })));
     const rerouted = answers.filter(({ value }) => value?.outcome === "REROUTED").length;
-    return ["queue.rerouted", { count: rerouted, all: names.length }];
+    return [rerouted ? "queue.rerouted" : "queue.noneRerouted", { count: rerouted, all: names.length }];
   }
 
   // The paths that the robot holds, and those that lead to the points that it holds; and what their locks would do.

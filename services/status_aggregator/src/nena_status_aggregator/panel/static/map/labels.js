@@ -25,7 +25,8 @@ export class Labels {
   put(text, at, distance, { important = false, avoid = [], beside = false } = {}) {
     const [below, above, ...sides] = this.#boxes(text, at, distance, important);
     const free = [below, above].filter((box) => isFree(box, this.taken));
-    const box = free.find((each) => isFree(each, avoid)) ?? free[0] ?? (beside && sides.find((each) => isFree(each, this.taken)));
+    const seen = (each) => each[0] >= 0 && each[2] <= this.width;
+    const box = free.find((each) => isFree(each, avoid)) ?? free[0] ?? (beside && sides.find((each) => seen(each) && isFree(each, this.taken)));
     if (!box) return;
     this.taken.push(box);
     this.placed.push({ text, box, important });

@@ -251,8 +251,8 @@ export const TEXTS = {
   "robots.skew": "Uhr weicht um {seconds} s ab",
   "robots.loads.one": "{count} Ladung",
   "robots.loads.other": "{count} Ladungen",
-  "robots.head": "Ganz vorn: {name} ({condition})",
-  "robots.headPath": "Ganz vorn: Pfad {name}, gesperrt",
+  "robots.head": "{name} ({condition}) steht ganz vorn",
+  "robots.headPath": "Pfad {name} ist gesperrt",
   "robots.circle": "Warten im Kreis: {names}",
 
   "condition.IDLE": "Frei",
@@ -651,6 +651,7 @@ export const TEXTS = {
   "queue.leadAroundSure": "Diese Pfade sperren",
   "queue.leaveOut": "Aus dem Verkehr nehmen …",
   "queue.rerouted": "{count} von {all} Robotern haben jetzt eine andere Route.",
+  "queue.noneRerouted": "Kein Roboter hat jetzt eine andere Route.",
   "queue.locks": "Sperrt {names}.",
   "queue.allHaveRoutes": "Alle Aufträge haben eine andere Route.",
   "queue.noOtherRoute": "{robots} und {orders} haben keine andere Route und warten bis zur Freigabe: {names}",

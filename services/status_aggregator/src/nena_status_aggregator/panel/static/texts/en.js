@@ -251,8 +251,8 @@ export const TEXTS = {
   "robots.skew": "Clock off by {seconds} s",
   "robots.loads.one": "{count} load",
   "robots.loads.other": "{count} loads",
-  "robots.head": "Head of queue: {name} ({condition})",
-  "robots.headPath": "Head of queue: path {name}, locked",
+  "robots.head": "{name} ({condition}) is at the head",
+  "robots.headPath": "Path {name} is locked",
   "robots.circle": "Waiting in a circle: {names}",
 
   "condition.IDLE": "Idle",
@@ -651,6 +651,7 @@ export const TEXTS = {
   "queue.leadAroundSure": "Lock these paths",
   "queue.leaveOut": "Take out of traffic …",
   "queue.rerouted": "{count} of {all} robots have another route now.",
+  "queue.noneRerouted": "No robot has another route now.",
   "queue.locks": "Locks {names}.",
   "queue.allHaveRoutes": "All orders have another route.",
   "queue.noOtherRoute": "{robots} and {orders} have no other route and wait until the way is unlocked: {names}",

@@ -251,8 +251,8 @@ export const TEXTS = {
   "robots.skew": "Klok wijkt {seconds} s af",
   "robots.loads.one": "{count} lading",
   "robots.loads.other": "{count} ladingen",
-  "robots.head": "Vooraan: {name} ({condition})",
-  "robots.headPath": "Vooraan: pad {name}, geblokkeerd",
+  "robots.head": "{name} ({condition}) staat vooraan",
+  "robots.headPath": "Pad {name} is geblokkeerd",
   "robots.circle": "Wachten in een kring op elkaar: {names}",
 
   "condition.IDLE": "Vrij",
@@ -651,6 +651,7 @@ export const TEXTS = {
   "queue.leadAroundSure": "Deze paden blokkeren",
   "queue.leaveOut": "Uit het verkeer nemen …",
   "queue.rerouted": "{count} van {all} robots hebben nu een andere route.",
+  "queue.noneRerouted": "Geen enkele robot heeft nu een andere route.",
   "queue.locks": "Blokkeert {names}.",
   "queue.allHaveRoutes": "Alle orders hebben een andere route.",
   "queue.noOtherRoute": "{robots} en {orders} hebben geen andere route en wachten tot de weg is vrijgegeven: {names}",
