@@ -107,8 +107,8 @@ class AuditMark(Resource):
         return f"{self.sequence}:{self.hash}"
 
 
-class AuditQuery(Resource):
-    """Filter and page of the audit trail."""
+class AuditFilter(Resource):
+    """Filter of the audit trail."""
 
     user: Annotated[str, Field(max_length=200)] | None = None
     operation: Annotated[str, Field(max_length=200)] | None = None
@@ -120,6 +120,11 @@ class AuditQuery(Resource):
     until: Moment | None = None
     """Only rows before this time."""
     oldest_first: bool = False
+
+
+class AuditQuery(AuditFilter):
+    """Filter and page of the audit trail."""
+
     limit: Annotated[int, Field(ge=1, le=1000)] = 100
     after: Annotated[str, Field(pattern=r"^[0-9]{1,18}$")] | None = None
 

@@ -152,22 +152,19 @@ BY_LIMIT = 100
 """Maximum length of the caller's name."""
 
 
-class HoldRequest(Request):
-    """Request to hold a transport order until it is resumed."""
-
-    by: Annotated[str, Field(min_length=1, max_length=BY_LIMIT)] | None = None
-    """The caller: a person or a program, by name; None: the user of the request's token."""
-    reason: Annotated[str, Field(min_length=1, max_length=500)] = "no reason given"
-    immediate: bool = True
-    """Whether its robot is to stop; false: it drives to the end of its base."""
-
-
 class ResumeRequest(Request):
     """Request to resume a held transport order."""
 
     by: Annotated[str, Field(min_length=1, max_length=BY_LIMIT)] | None = None
     """The caller: a person or a program, by name; None: the user of the request's token."""
     reason: Annotated[str, Field(min_length=1, max_length=500)] = "no reason given"
+
+
+class HoldRequest(ResumeRequest):
+    """Request to hold a transport order until it is resumed."""
+
+    immediate: bool = True
+    """Whether its robot is to stop; false: it drives to the end of its base."""
 
 
 class IntegrationLevelRequest(Request):

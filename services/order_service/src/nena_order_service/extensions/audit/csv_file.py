@@ -13,19 +13,16 @@ from starlette.responses import StreamingResponse
 
 from nena_order_service.api.operation_routes import known_query, refusals_of
 from nena_shared.csv_cells import harmless
-from nena_shared.fleet_api.audit import AuditEntry, AuditPage, AuditQuery, AuditResult
-from nena_shared.fleet_api.base import Moment
+from nena_shared.fleet_api.audit import AuditEntry, AuditFilter, AuditPage, AuditQuery
 from nena_shared.fleet_api.refusals import Refusal
 
 PATH = "/v1/audit.csv"
-FILTERS = ("user", "operation", "object", "result", "since", "until", "oldestFirst")
-"""Query parameters: those of the list, without its pages."""
 PAGE = 1000
 
+FILTERS = tuple(field.alias or name for name, field in AuditFilter.model_fields.items())
 COLUMNS = tuple(field.alias or name for name, field in AuditEntry.model_fields.items())
 
 ReadPage = Callable[[AuditQuery], Awaitable[AuditPage]]
-Text = Annotated[str | None, Query(max_length=200)]
 
 
 def audit_csv(read: ReadPage) -> APIRouter:
@@ -39,27 +36,9 @@ def audit_csv(read: ReadPage) -> APIRouter:
         dependencies=[known_query(*FILTERS)],
         responses=refusals_of((Refusal.NOT_SAVED,)),
     )
-    async def file(
-        *,
-        user: Text = None,
-        operation: Text = None,
-        object_: Annotated[str | None, Query(alias="object", max_length=200)] = None,
-        result: AuditResult | None = None,
-        since: Moment | None = None,
-        until: Moment | None = None,
-        oldest_first: Annotated[bool, Query(alias="oldestFirst")] = False,
-    ) -> StreamingResponse:
+    async def file(chosen: Annotated[AuditFilter, Query()]) -> StreamingResponse:
         """Export the audit trail as CSV, newest first unless `oldestFirst` is set."""
-        wanted = AuditQuery(
-            user=user,
-            operation=operation,
-            object=object_,
-            result=result,
-            since=since,
-            until=until,
-            oldest_first=oldest_first,
-            limit=PAGE,
-        )
+        wanted = AuditQuery(**dict(chosen), limit=PAGE)
         first = await read(wanted)  # an error before the first row is answered as a problem
         return StreamingResponse(_csv_rows(read, wanted, first), media_type="text/csv; charset=utf-8")
 
