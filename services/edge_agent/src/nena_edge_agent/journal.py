@@ -274,11 +274,7 @@ def _file_name(robot: RobotKey) -> str:
 
 
 def _expand_home(folder: Path) -> Path:
-    """Replace ``~`` by the home directory.
-
-    Raises:
-        StartError: there is none.
-    """
+    """Replace ``~`` by the home directory; raises StartError if there is none."""
     try:
         return folder.expanduser()
     except RuntimeError as error:

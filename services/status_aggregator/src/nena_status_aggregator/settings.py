@@ -26,11 +26,7 @@ class Share:
 
     @classmethod
     def read(cls, text: str) -> Self:
-        """Parse a share such as ``2/3``.
-
-        Raises:
-            ValueError: the text is not a share.
-        """
+        """Parse a share such as ``2/3``; raises ValueError if the text is not a share."""
         written = _WRITTEN.fullmatch(text)
         number, of = map(int, written.groups()) if written else (0, 0)
         if not 1 <= number <= of:

@@ -214,11 +214,7 @@ class Outbox:
         return None
 
     def pop(self) -> Outbound:
-        """Remove and return the oldest message.
-
-        Raises:
-            KeyError: the queue is empty.
-        """
+        """Remove and return the oldest message; raises KeyError if the queue is empty."""
         key, message = self._waiting.popitem(last=False)
         if isinstance(key, int):
             self._droppable.popleft()

@@ -52,11 +52,7 @@ def read_record(kind: type[R], codec: Codec, payload: bytes) -> R:
 
 
 def parse(payload: bytes) -> Any:  # noqa: ANN401 - JSON
-    """Parse JSON, which may contain NaN or infinity.
-
-    Raises:
-        ValueError: the payload is not JSON.
-    """
+    """Parse JSON, which may contain NaN or infinity; raises ValueError if the payload is not JSON."""
     try:
         return _JSON.decode(payload)
     except (DecodeError, RecursionError):

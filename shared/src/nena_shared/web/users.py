@@ -88,11 +88,7 @@ def users_of(settings: HttpSettings) -> UsersFile | None:
 
 
 def read_users(path: Path) -> tuple[User, ...]:
-    """Read a users file.
-
-    Raises:
-        ConfigurationError: the file cannot be read or is invalid.
-    """
+    """Read a users file; raises ConfigurationError if the file cannot be read or is invalid."""
     try:
         users = _File.model_validate(settings.parse_toml(path.read_bytes())).user
     except OSError as error:

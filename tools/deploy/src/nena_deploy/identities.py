@@ -56,22 +56,14 @@ class Identity(BaseModel):
 
 
 def robot_name(manufacturer: str, serial_number: str) -> str:
-    """Return a robot's user name at the broker.
-
-    Raises:
-        IdentityError: the name is not valid in topics.
-    """
+    """Return a robot's user name at the broker; raises IdentityError if the name is not valid in topics."""
     return _check_length(
         f"{_check_level('manufacturer', manufacturer)}/{_check_level('serial number', serial_number)}"
     )
 
 
 def host_name(name: str) -> str:
-    """Return a host's user name at the broker.
-
-    Raises:
-        IdentityError: the name is not valid in topics.
-    """
+    """Return a host's user name at the broker; raises IdentityError if the name is not valid in topics."""
     # An access list knows names only: such a host would have the rights of the service.
     if name in {Kind.ORDER_SERVICE, Kind.STATUS_AGGREGATOR}:
         raise IdentityError(f"{name} is the name of a service. Choose another name.")

@@ -216,11 +216,7 @@ class Site:
 
     @classmethod
     def open(cls, folder: Path) -> Self:
-        """Open a site.
-
-        Raises:
-            SiteError: the folder is not a site.
-        """
+        """Open a site; raises SiteError if the folder is not a site."""
         try:
             register = _Register.model_validate_json((folder / "site.json").read_bytes())
             authority = Authority.load(folder / "authority" / "ca.pem", folder / "authority" / "ca-key.pem")

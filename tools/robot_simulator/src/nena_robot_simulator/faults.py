@@ -274,11 +274,7 @@ _parser: TypeAdapter[AnyFault] = TypeAdapter(Fault)
 
 
 def parse(text: str) -> AnyFault:
-    """Parse a fault from JSON.
-
-    Raises:
-        FaultRefusedError: the text is not JSON or not a fault.
-    """
+    """Parse a fault from JSON; raises FaultRefusedError if the text is not JSON or not a fault."""
     try:
         return _parser.validate_json(text)
     except ValidationError as error:

@@ -173,11 +173,7 @@ def shape_problems(  # noqa: C901, PLR0912 - a case for each kind of field
 
 
 def conform_value(value: JsonValue, shape: Shape, path: str) -> Any:  # noqa: ANN401 - a value of any field
-    """Convert ``value`` to the type of a field.
-
-    Raises:
-        FieldError: ``value`` does not fit.
-    """
+    """Convert ``value`` to the type of a field; raises FieldError if ``value`` does not fit."""
     match shape:
         case Scalar():
             return _read_scalar(value, shape, path)

@@ -99,11 +99,7 @@ class PluginRos:
                 endpoint.open(session, node)
 
     def session(self) -> RosSession:
-        """Return the session.
-
-        Raises:
-            RosError: there is none now.
-        """
+        """Return the session; raises RosError if there is none now."""
         if self._session is None or self._session.state is not SessionState.ACTIVE:
             raise RosError("the robot's ROS session is not active")
         return self._session
@@ -146,11 +142,7 @@ class PluginRos:
         return self._add_endpoint(_Client(self, service, type_name))
 
     def action(self, name: str, type_name: str) -> RosActionClient:
-        """Return a client of the action ``name``.
-
-        Raises:
-            RosError: the type is not installed here.
-        """
+        """Return a client of the action ``name``; raises RosError if the type is not installed here."""
         return self._add_endpoint(_Action(self, name, type_name))
 
     def _add_endpoint(self, endpoint: E) -> E:

@@ -48,11 +48,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 async def examine(settings: EdgeAgentSettings) -> list[LinkFinding]:
-    """Check every link.
-
-    Raises:
-        ConfigurationError: the password file cannot be read.
-    """
+    """Check every link; raises ConfigurationError if the password file cannot be read."""
     # A command may have changed the agent's ROS address: then the robot is where the journal says.
     robot = RobotKey(settings.manufacturer, settings.serial_number)
     journal = settings.journal.folder if settings.journal.enabled else None

@@ -36,11 +36,7 @@ class PlantFrame:
 
     @classmethod
     def of(cls, texts: Mapping[str, str]) -> Self:
-        """Parse the transforms of the settings.
-
-        Raises:
-            ValueError: a transform is invalid.
-        """
+        """Parse the transforms of the settings; raises ValueError if a transform is invalid."""
         return cls({map_id: parse_transform(text) for map_id, text in texts.items()})
 
     def on(self, map_id: str) -> MapTransform:

@@ -235,11 +235,7 @@ _parser: TypeAdapter[AnyCommand] = TypeAdapter(Annotated[AnyCommand, Field(discr
 
 
 def parse_command(payload: bytes) -> AnyCommand:
-    """Read a command from JSON.
-
-    Raises:
-        CommandRefusedError: the payload is not JSON, or not a command.
-    """
+    """Read a command from JSON; raises CommandRefusedError if the payload is not JSON, or not a command."""
     try:
         return _parser.validate_json(payload)
     except ValidationError as error:
@@ -275,11 +271,7 @@ class SimulationControl:
             self._robot.driver.set_charging(charging=charging)
 
     def apply_command(self, command: AnyCommand) -> None:  # noqa: C901, PLR0912 - a case for each command
-        """Apply ``command``.
-
-        Raises:
-            CommandRefusedError: the command is not possible now.
-        """
+        """Apply ``command``; raises CommandRefusedError if the command is not possible now."""
         robot = self._robot
         if robot is None or robot.driver.ended:
             raise CommandRefusedError("the robot is not running; send the command again later")

@@ -99,11 +99,7 @@ class ZoneSets:
         self._note_change()
 
     def add(self, zone_set: ZoneSet) -> None:
-        """Add a set as DISABLED (section 6.4).
-
-        Raises:
-            ZoneSetRefusedError: it is not accepted.
-        """
+        """Add a set as DISABLED (section 6.4); raises ZoneSetRefusedError if it is not accepted."""
         if zone_set.zone_set_id in self._sets:
             raise DuplicateZoneSetError(f"the robot already has a zone set '{zone_set.zone_set_id}'")
         if len(self._sets) >= MAXIMUM_ZONE_SETS or len(zone_set.zones) > MAXIMUM_ZONES:

@@ -95,11 +95,7 @@ class History:
     async def read(
         self, query: Callable[Concatenate[Engine, P], T], *arguments: P.args, **named: P.kwargs
     ) -> T:
-        """Run a query in a thread.
-
-        Raises:
-            HistoryUnavailableError: the database is unavailable.
-        """
+        """Run a query in a thread; raises HistoryUnavailableError if the database is unavailable."""
         try:
             return await asyncio.to_thread(query, self._engine, *arguments, **named)
         except SQLAlchemyError as error:

@@ -52,11 +52,7 @@ class Outgoing:
     counts: RecordingCounts = field(default_factory=RecordingCounts)
 
     async def add(self, name: str, write: Callable[[Path], object]) -> None:
-        """Write a file in a thread, and let it be sent.
-
-        Raises:
-            OSError: the disk fails.
-        """
+        """Write a file in a thread, and let it be sent; raises OSError if the disk fails."""
         try:
             await asyncio.to_thread(self.folder.add, name, write)
         except OSError:
@@ -68,11 +64,7 @@ class Outgoing:
 
 
 def outgoing_of(settings: OutgoingSettings, source: RobotKey, topics: FleetTopics) -> Outgoing:
-    """Return where the files of ``source`` go.
-
-    Raises:
-        ConfigurationError: there is no home directory.
-    """
+    """Return where the files of ``source`` go; raises ConfigurationError if there is no home directory."""
     try:
         # a manufacturer or serial number such as ".." must not lead out of the folder
         place = settings.folder.expanduser() / quote(str(source), safe=" :").replace(".", "%2E")
@@ -100,11 +92,7 @@ class BlackBox:
     """Records one source into :attr:`ring`, and writes files; outlives what it records."""
 
     def __init__(self, source: Source, settings: RingSettings, outgoing: Outgoing, clock: Clock) -> None:
-        """Create an empty black box.
-
-        Raises:
-            ConfigurationError: the extra ``blackbox`` is not installed.
-        """
+        """Create an empty black box; raises ConfigurationError if the extra ``blackbox`` is not installed."""
         check_library(source.distribution)
         self._source = source
         self._settings = settings

@@ -86,11 +86,7 @@ class OutgoingFolder:
         return [file for file in files_in(self._folder) if FILE_NAME.fullmatch(file.path.name)]
 
     def mark_sent(self, name: str) -> None:
-        """Move a file to those that have been transferred.
-
-        Raises:
-            OSError: the disk fails.
-        """
+        """Move a file to those that have been transferred; raises OSError if the disk fails."""
         sent = self._folder / SENT
         sent.mkdir(exist_ok=True)
         with suppress(FileNotFoundError):  # removed for a newer one meanwhile

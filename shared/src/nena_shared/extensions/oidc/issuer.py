@@ -36,11 +36,7 @@ class BoundedHttp:
     """HTTP client with limits; opens a new connection for each request, as requests are rare."""
 
     def __init__(self, settings: OidcSettings) -> None:
-        """Create the client.
-
-        Raises:
-            ConfigurationError: the CA file for the issuer is unusable.
-        """
+        """Create the client; raises ConfigurationError if the CA file for the issuer is unusable."""
         self._timeout = settings.timeout
         try:
             self._tls = ssl.create_default_context(cafile=settings.ca)
@@ -157,11 +153,7 @@ class KeySet:
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> KeySet:
-        """Parse a JWK Set.
-
-        Raises:
-            ValueError: the document is not a JWK Set, or contains no usable key.
-        """
+        """Parse a JWK Set; raises ValueError if the document is not a JWK Set, or contains no usable key."""
         listed = document.get("keys")
         if not isinstance(listed, list) or len(listed) > KEYS_LIMIT:
             raise ValueError(f"the document has no list of keys, or more than {KEYS_LIMIT} keys")
@@ -246,11 +238,7 @@ class Issuer:
         self._renewing: asyncio.Task[None] | None = None
 
     async def metadata(self) -> Metadata:
-        """Return the issuer's metadata.
-
-        Raises:
-            IssuerUnavailableError: the issuer is unavailable.
-        """
+        """Return the issuer's metadata; raises IssuerUnavailableError if the issuer is unavailable."""
         return (await self._current_keys(lambda _: True)).metadata
 
     async def key(self, header: TokenHeader) -> PyJWK:

@@ -67,11 +67,7 @@ def header_of(token: str, algorithms: Sequence[str]) -> TokenHeader:
 def verified(
     token: str, key: PyJWK, header: TokenHeader, *, issuer: str, audience: str, leeway: float
 ) -> dict[str, Any]:
-    """Verify a token and return its claims.
-
-    Raises:
-        TokenRefusedError: the token is invalid.
-    """
+    """Verify a token and return its claims; raises TokenRefusedError if the token is invalid."""
     try:
         claims: dict[str, Any] = jwt.decode(
             token,

@@ -97,11 +97,7 @@ class MapBundle:
 
     @classmethod
     def of(cls, content: bytes) -> MapBundle:
-        """Read an archive.
-
-        Raises:
-            BadBundleError: it is not an archive, or contains no map.
-        """
+        """Read an archive; raises BadBundleError if it is not an archive, or contains no map."""
         try:
             return cls._read_archive(_open_archive(content))
         except _UNREADABLE as error:

@@ -59,11 +59,7 @@ class MapStore(Protocol):
         ...
 
     async def delete(self, map_id: str, map_version: str) -> None:
-        """Delete a map.
-
-        Raises:
-            MapRefusedError: it does not exist, or is enabled.
-        """
+        """Delete a map; raises MapRefusedError if it does not exist, or is enabled."""
         ...
 
 
@@ -73,11 +69,7 @@ UNFINISHED = ".new"
 
 
 class FolderMapStore:
-    """Stores maps unchanged in a folder.
-
-    Raises:
-        StartError: the folder cannot be used.
-    """
+    """Stores maps unchanged in a folder; raises StartError if the folder cannot be used."""
 
     def __init__(self, folder: Path, first: Map, *, maximum: int) -> None:
         self._folder = folder.expanduser()
@@ -123,11 +115,7 @@ class FolderMapStore:
         self.maps = self._read_maps()
 
     async def delete(self, map_id: str, map_version: str) -> None:
-        """Delete a map.
-
-        Raises:
-            MapRefusedError: it does not exist, or is enabled.
-        """
+        """Delete a map; raises MapRefusedError if it does not exist, or is enabled."""
         # deleteMap is FAILED if the map is in use (6.2.3; 2.1: 6.8).
         if self._require_map(map_id, map_version).map_status is MapStatus.ENABLED:
             raise MapRefusedError(
