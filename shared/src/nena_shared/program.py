@@ -43,11 +43,7 @@ class Supervision:
         return cls(environment.get("NOTIFY_SOCKET"), Path(file) if file else None, min(BEAT, seconds / 2))
 
     def notify(self, text: str) -> None:
-        """Send ``text`` to systemd as in sd_notify(3).
-
-        Raises:
-            OSError: the socket no longer exists.
-        """
+        """Send ``text`` to systemd as in sd_notify(3); raises OSError if the socket no longer exists."""
         if self.notify_socket is None:
             return
         address = self.notify_socket

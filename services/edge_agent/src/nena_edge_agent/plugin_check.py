@@ -333,11 +333,7 @@ async def _wait_until(condition: Callable[[], object], seconds: float) -> bool:
 
 
 def _call_plugin(name: str, step: Callable[[], Any]) -> Any:  # noqa: ANN401 - any object that the plug-in returns
-    """Call ``step`` of the plug-in.
-
-    Raises:
-        ContractError: the step raised an exception.
-    """
+    """Call ``step`` of the plug-in; raises ContractError if the step raised an exception."""
     try:
         return step()
     except Exception as error:

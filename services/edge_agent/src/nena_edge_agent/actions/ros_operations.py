@@ -319,11 +319,7 @@ class Command:
         self.templates = (self.begin, self.pause, self.resume, self.cancel)
 
     async def wait_for_subscriber(self) -> None:
-        """Wait until a node subscribes.
-
-        Raises:
-            WorkFailedError: no node subscribes in time.
-        """
+        """Wait until a node subscribes; raises WorkFailedError if none does in time."""
         timeout = self._settings.listener_timeout
         for _ in range(int(timeout / POLL_INTERVAL)):
             if self._publisher.listeners:

@@ -105,11 +105,7 @@ class PluginRos:
         return self._session
 
     def publisher(self, topic: str, type_name: str) -> Publisher:
-        """Return a publisher on ``topic``.
-
-        Raises:
-            RosError: no such type here.
-        """
+        """Return a publisher on ``topic``; raises RosError if there is no such type here."""
         return self._add_endpoint(_Publisher(self, topic, type_name))
 
     def subscribe(
@@ -134,11 +130,7 @@ class PluginRos:
         self._subscriptions[key].join(handle)
 
     def client(self, service: str, type_name: str) -> ServiceClient:
-        """Return a client of ``service``.
-
-        Raises:
-            RosError: no such type here.
-        """
+        """Return a client of ``service``; raises RosError if there is no such type here."""
         return self._add_endpoint(_Client(self, service, type_name))
 
     def action(self, name: str, type_name: str) -> RosActionClient:

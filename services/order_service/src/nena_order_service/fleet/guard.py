@@ -117,11 +117,7 @@ class FleetGuard:
         return ""
 
     async def run(self) -> None:
-        """Lead until cancelled.
-
-        Raises:
-            FleetTakenError: another order service leads the fleet.
-        """
+        """Lead until cancelled; raises FleetTakenError if another order service leads the fleet."""
         linking = asyncio.create_task(self._link.run(), name="link of the fleet guard")
         try:
             await asyncio.wait((linking, self._taken), return_when=asyncio.FIRST_COMPLETED)
