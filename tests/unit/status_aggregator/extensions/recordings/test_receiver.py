@@ -17,14 +17,14 @@ from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.extension import Core
 from nena_status_aggregator.extensions.recordings import receiver as module
 from nena_status_aggregator.extensions.recordings.receiver import RecordingReceiver
-from nena_status_aggregator.extensions.recordings.store import RecordingStore, StoreLimits
+from nena_status_aggregator.extensions.recordings.store import RecordingSettings, RecordingStore
 from nena_status_aggregator.settings import Share
 from support.clocks import ManualClock
 from support.waiting import until
 
 TOPICS = FleetTopics()
 ROBOT, OTHER = RobotKey("ACME", "r1"), RobotKey("ACME", "r2")
-LIMITS = StoreLimits(files=100, robot_files=10, total_bytes=10**6, file_bytes=100)
+LIMITS = RecordingSettings.model_construct(keep=100, keep_per_robot=10, keep_bytes=10**6, file_bytes=100)
 NAME = "20260102T030405.678Z-error.mcap"
 
 
@@ -56,7 +56,7 @@ class Receiving:
     """A receiver, and the messages that it gets."""
 
     def __init__(self, folder: Path, share: Share | None = None) -> None:
-        self.store = RecordingStore(folder, LIMITS)
+        self.store = RecordingStore(LIMITS.model_copy(update={"folder": folder}))
         self.link = FakeLink()
         core = Core(ManualClock(), TOPICS, share or Share(), None, self.link.subscribe, self.link.publish)
         self.receiver = RecordingReceiver(self.store, core)

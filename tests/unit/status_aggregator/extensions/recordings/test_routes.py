@@ -13,7 +13,7 @@ from nena_shared.extensions.black_box.transfer import Transfer
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.api import problems
 from nena_status_aggregator.extensions.recordings.routes import make_router
-from nena_status_aggregator.extensions.recordings.store import RecordingStore, StoreLimits
+from nena_status_aggregator.extensions.recordings.store import RecordingSettings, RecordingStore
 
 NAME = "20260102T030405.678Z-drive-failed.mcap"
 
@@ -27,7 +27,7 @@ def client(store: RecordingStore | None) -> httpx.AsyncClient:
 
 @pytest.fixture
 def store(tmp_path: Path) -> RecordingStore:
-    made = RecordingStore(tmp_path, StoreLimits(9, 9, 10**6, 10**6))
+    made = RecordingStore(RecordingSettings(folder=tmp_path))
     for serial, content in (("r1", b"first"), ("r2", b"second")):
         transfer = Transfer(NAME, len(content), sha256(content).hexdigest())
         made.add_chunk(RobotKey("ACME", serial), transfer.chunk(content))

@@ -14,10 +14,18 @@ from hypothesis import strategies as st
 
 from nena_shared.extensions.black_box.transfer import Answer, Transfer, Verdict
 from nena_shared.vda5050.topics import RobotKey
-from nena_status_aggregator.extensions.recordings.store import RecordingStore, StoreLimits
+from nena_status_aggregator.extensions.recordings.store import RecordingSettings, RecordingStore
 
 ROBOT = RobotKey("ACME", "r1")
-LIMITS = StoreLimits(files=5, robot_files=3, total_bytes=100_000, file_bytes=50_000)
+LIMITS = RecordingSettings.model_construct(
+    keep=5, keep_per_robot=3, keep_bytes=100_000, file_bytes=50_000
+)  # smaller than the settings may be
+
+
+def store_in(folder: Path) -> RecordingStore:
+    return RecordingStore(LIMITS.model_copy(update={"folder": folder}))
+
+
 NAME = "20260102T030405.678Z-request.mcap"
 CONTENT = bytes(range(256)) * 10
 PART = 1000
@@ -39,7 +47,7 @@ def send(
 
 
 def test_a_file_appears_when_it_is_complete(tmp_path: Path) -> None:
-    store, transfer = RecordingStore(tmp_path, LIMITS), sender()
+    store, transfer = store_in(tmp_path), sender()
     transfer.take(store.add_chunk(ROBOT, transfer.chunk(CONTENT[:PART])))
     assert store.list_recordings() == []
     assert store.find_file(ROBOT, NAME) is None
@@ -52,7 +60,7 @@ def test_a_file_appears_when_it_is_complete(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_sent_again_is_complete_at_once(tmp_path: Path) -> None:
-    store = RecordingStore(tmp_path, LIMITS)
+    store = store_in(tmp_path)
     send(store)
     assert store.add_chunk(ROBOT, sender().chunk(CONTENT[:PART])).verdict is Verdict.COMPLETE
 
@@ -62,7 +70,7 @@ def test_a_file_that_is_sent_again_is_complete_at_once(tmp_path: Path) -> None:
 def test_loss_repetition_and_restarts_of_both_sides_do_no_harm(tmp_path: Path, seed: int) -> None:
     chance, folder = random.Random(seed), tmp_path / str(seed)
     shutil.rmtree(folder, ignore_errors=True)
-    store, transfer = RecordingStore(folder, LIMITS), sender()
+    store, transfer = store_in(folder), sender()
     late: list[Answer] = []
     for _ in range(2000):
         chunk = transfer.chunk(CONTENT[transfer.offset : transfer.offset + PART])
@@ -76,14 +84,14 @@ def test_loss_repetition_and_restarts_of_both_sides_do_no_harm(tmp_path: Path, s
         if chance.random() < 0.1:
             transfer = sender()
         if chance.random() < 0.1:
-            store = RecordingStore(folder, LIMITS)
+            store = store_in(folder)
     assert transfer.end is not None
     assert transfer.end.verdict is Verdict.COMPLETE
     assert [each.path.read_bytes() for each in store.list_recordings()] == [CONTENT]
 
 
 def test_a_wrong_checksum_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
-    store, transfer = RecordingStore(tmp_path, LIMITS), Transfer(NAME, 4, "0" * 64)
+    store, transfer = store_in(tmp_path), Transfer(NAME, 4, "0" * 64)
     answer = store.add_chunk(ROBOT, transfer.chunk(b"data"))
 
     assert (answer.verdict, answer.reason) == (Verdict.REFUSED, "the checksum is wrong")
@@ -91,7 +99,7 @@ def test_a_wrong_checksum_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_too_large_files_and_other_files_of_the_same_name_are_refused(tmp_path: Path) -> None:
-    store = RecordingStore(tmp_path, LIMITS)
+    store = store_in(tmp_path)
     assert (
         "recordings.file_bytes" in store.add_chunk(ROBOT, Transfer(NAME, 50_001, "0" * 64).chunk(b"x")).reason
     )
@@ -102,7 +110,7 @@ def test_too_large_files_and_other_files_of_the_same_name_are_refused(tmp_path: 
 
 
 def test_the_beginning_of_another_file_discards_what_was_not_completed(tmp_path: Path) -> None:
-    store, transfer = RecordingStore(tmp_path, LIMITS), sender(name="1.mcap")
+    store, transfer = store_in(tmp_path), sender(name="1.mcap")
     store.add_chunk(ROBOT, transfer.chunk(CONTENT[:PART]))
     store.add_chunk(ROBOT, sender(name="2.mcap").chunk(CONTENT[:PART]))
 
@@ -118,7 +126,7 @@ def named(store: RecordingStore, robot: RobotKey, number: int, content: bytes = 
 
 
 def test_the_oldest_files_of_a_robot_go_first_then_those_of_all(tmp_path: Path) -> None:
-    store, other = RecordingStore(tmp_path, LIMITS), RobotKey("ACME", "r2")
+    store, other = store_in(tmp_path), RobotKey("ACME", "r2")
     for number in range(1, 5):
         named(store, ROBOT, number)
     assert [each.name for each in store.list_recordings()] == ["004.mcap", "003.mcap", "002.mcap"]
@@ -135,7 +143,7 @@ def test_the_oldest_files_of_a_robot_go_first_then_those_of_all(tmp_path: Path) 
 
 
 def test_the_size_of_all_files_is_limited(tmp_path: Path) -> None:
-    store = RecordingStore(tmp_path, LIMITS)
+    store = store_in(tmp_path)
     for number in (1, 2, 3):
         named(store, RobotKey("ACME", str(number)), number, bytes(40_000))
 
@@ -145,7 +153,7 @@ def test_the_size_of_all_files_is_limited(tmp_path: Path) -> None:
 @pytest.mark.parametrize("robot", [("..", ".."), ("a.b", "c.d"), ("ä ö", "*?"), ("~", "%2E"), ("", "x")])
 def test_any_name_of_a_robot_stays_within_the_folder(tmp_path: Path, robot: tuple[str, str]) -> None:
     folder = tmp_path / "recordings"
-    store, key = RecordingStore(folder, LIMITS), RobotKey(*robot)
+    store, key = store_in(folder), RobotKey(*robot)
     send(store, robot=key)
 
     assert [(each.robot, each.path.parent.parent) for each in store.list_recordings()] == [(key, folder)]
@@ -153,5 +161,5 @@ def test_any_name_of_a_robot_stays_within_the_folder(tmp_path: Path, robot: tupl
 
 
 def test_a_name_too_long_for_a_folder_is_refused(tmp_path: Path) -> None:
-    answer = RecordingStore(tmp_path, LIMITS).add_chunk(RobotKey("ä" * 60, "x"), sender().chunk(b"x"))
+    answer = store_in(tmp_path).add_chunk(RobotKey("ä" * 60, "x"), sender().chunk(b"x"))
     assert answer.verdict is Verdict.REFUSED

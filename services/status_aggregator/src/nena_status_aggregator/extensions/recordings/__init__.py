@@ -3,44 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable, Mapping
-from pathlib import Path
 from typing import ClassVar
 
 from fastapi import APIRouter
-from pydantic import Field
 
-from nena_shared.extensions.black_box.settings import LARGEST_FILE
 from nena_shared.metrics import Section, counter
 from nena_shared.settings import SettingsGroup
 from nena_status_aggregator.extension import Core, Extension
 from nena_status_aggregator.extensions.recordings.receiver import RecordingReceiver
 from nena_status_aggregator.extensions.recordings.routes import make_router
-from nena_status_aggregator.extensions.recordings.store import RecordingStore, StoreLimits
-
-
-class RecordingSettings(SettingsGroup):
-    """Recordings and log reports of robots."""
-
-    enabled: bool = Field(default=True, description="Accept recordings of robots.")
-    folder: Path = Field(
-        Path("nena-recordings"),
-        description="Folder of the recordings, with a subfolder per robot; created with the first one.",
-    )
-    keep: int = Field(500, ge=1, description="Maximum number of files; beyond it, the oldest is removed.")
-    keep_per_robot: int = Field(
-        50, ge=1, description="Maximum number of files of a robot; beyond it, its oldest is removed."
-    )
-    keep_bytes: int = Field(
-        2 * 1024**3,
-        ge=1024**2,
-        description="Maximum size of all files, bytes; beyond it, the oldest are removed.",
-    )
-    file_bytes: int = Field(
-        64 * 1024**2,
-        ge=1024,
-        le=LARGEST_FILE,
-        description="Maximum size of a file, bytes; larger ones are refused.",
-    )
+from nena_status_aggregator.extensions.recordings.store import RecordingSettings, RecordingStore
 
 
 class Recordings(Extension):
@@ -52,13 +24,7 @@ class Recordings(Extension):
         super().__init__(settings, core)
         self.receiver: RecordingReceiver | None = None
         if settings.enabled:
-            limits = StoreLimits(
-                files=settings.keep,
-                robot_files=settings.keep_per_robot,
-                total_bytes=settings.keep_bytes,
-                file_bytes=settings.file_bytes,
-            )
-            self.receiver = RecordingReceiver(RecordingStore(settings.folder, limits), core)
+            self.receiver = RecordingReceiver(RecordingStore(settings), core)
 
     def routers(self) -> Iterable[APIRouter]:
         """Return the routes of recordings."""

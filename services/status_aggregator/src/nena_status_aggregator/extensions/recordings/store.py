@@ -10,8 +10,12 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import quote, unquote
 
+from pydantic import Field
+
 from nena_shared.extensions.black_box.folder import FILE_NAME, UNFINISHED, StoredFile, excess, files_in
+from nena_shared.extensions.black_box.settings import LARGEST_FILE
 from nena_shared.extensions.black_box.transfer import Answer, Chunk, Verdict
+from nena_shared.settings import SettingsGroup
 from nena_shared.vda5050.topics import RobotKey
 
 SEPARATOR: Final = "."
@@ -21,14 +25,29 @@ LONGEST_FOLDER: Final = 250
 """Maximum length of a folder's name."""
 
 
-@dataclass(frozen=True, slots=True)
-class StoreLimits:
-    """Limits of the folder."""
+class RecordingSettings(SettingsGroup):
+    """Recordings and log reports of robots."""
 
-    files: int
-    robot_files: int
-    total_bytes: int
-    file_bytes: int
+    enabled: bool = Field(default=True, description="Accept recordings of robots.")
+    folder: Path = Field(
+        Path("nena-recordings"),
+        description="Folder of the recordings, with a subfolder per robot; created with the first one.",
+    )
+    keep: int = Field(500, ge=1, description="Maximum number of files; beyond it, the oldest is removed.")
+    keep_per_robot: int = Field(
+        50, ge=1, description="Maximum number of files of a robot; beyond it, its oldest is removed."
+    )
+    keep_bytes: int = Field(
+        2 * 1024**3,
+        ge=1024**2,
+        description="Maximum size of all files, bytes; beyond it, the oldest are removed.",
+    )
+    file_bytes: int = Field(
+        64 * 1024**2,
+        ge=1024,
+        le=LARGEST_FILE,
+        description="Maximum size of a file, bytes; larger ones are refused.",
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,9 +64,9 @@ class StoredRecording:
 class RecordingStore:
     """Appends chunks to files; a file appears under its name only when complete, with the right checksum."""
 
-    def __init__(self, folder: Path, limits: StoreLimits) -> None:
-        """Use ``folder``, which is created with the first file."""
-        self._folder = folder
+    def __init__(self, limits: RecordingSettings) -> None:
+        """Use the folder of ``limits``, which is created with the first file."""
+        self._folder = limits.folder
         self._limits = limits
 
     def add_chunk(self, robot: RobotKey, chunk: Chunk) -> Answer:
@@ -118,10 +137,10 @@ class RecordingStore:
         """Remove the oldest files: of this robot beyond its number, then of all robots beyond the limits."""
         limits = self._limits
         own = [file for file in files_in(place) if FILE_NAME.fullmatch(file.path.name)]
-        self._remove_files(excess(own, keep=limits.robot_files, keep_bytes=limits.total_bytes))
+        self._remove_files(excess(own, keep=limits.keep_per_robot, keep_bytes=limits.keep_bytes))
         every = [file for _, folder in self._all_folders() for file in files_in(folder)]
         every.sort(key=lambda file: file.written)
-        self._remove_files(excess(every, keep=limits.files, keep_bytes=limits.total_bytes))
+        self._remove_files(excess(every, keep=limits.keep, keep_bytes=limits.keep_bytes))
 
     def _remove_files(self, files: list[StoredFile]) -> None:
         for file in files:
