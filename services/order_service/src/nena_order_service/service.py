@@ -106,7 +106,6 @@ class OrderService:
             stops=stops.statuses,
             broker_lacks=lambda: self.broker_check.lacks,
             locked_paths=engine.context.locked_paths.locked_by_hosts,
-            locked_by=lambda: engine.context.locked_paths.locked_by,
         )
         hooks = LinkHooks(self.heartbeat.will, lambda: chain(self.publisher.greeting(), devices.greeting()))
         self.mqtt = mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)

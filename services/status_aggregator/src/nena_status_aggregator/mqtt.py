@@ -62,7 +62,7 @@ KEY_LENGTH = 200
 """Maximum length of manufacturer and serial number together, characters."""
 
 M = TypeVar("M", Connection, State, Visualization, Factsheet)
-Take = Callable[[RobotKey, M, Timestamp, Inbound], None]
+Take = Callable[[RobotKey, M, Timestamp], None]
 """Passes a robot's message on to the model; the last argument is the MQTT message it was read from."""
 
 
@@ -148,24 +148,11 @@ class FleetSubscriber:
                 )
                 return
             self._schemes.add(scheme)
-            self._subscribe_topic(
-                scheme, MessageKind.CONNECTION, Connection, lambda k, m, at, _: model.on_connection(k, m, at)
-            )
-            self._subscribe_topic(
-                scheme,
-                MessageKind.STATE,
-                State,
-                lambda k, m, at, inbound: model.on_state(k, m, at, retained=inbound.retained),
-            )
-            self._subscribe_topic(
-                scheme,
-                MessageKind.VISUALIZATION,
-                Visualization,
-                lambda k, m, at, _: model.on_visualization(k, m, at),
-            )
-            self._subscribe_topic(
-                scheme, MessageKind.FACTSHEET, Factsheet, lambda k, m, at, _: model.on_factsheet(k, m, at)
-            )
+            kept = partial(model.on_state, retained=True)
+            self._subscribe_topic(scheme, MessageKind.CONNECTION, Connection, model.on_connection)
+            self._subscribe_topic(scheme, MessageKind.STATE, State, model.on_state, kept)
+            self._subscribe_topic(scheme, MessageKind.VISUALIZATION, Visualization, model.on_visualization)
+            self._subscribe_topic(scheme, MessageKind.FACTSHEET, Factsheet, model.on_factsheet)
 
     def _subscribe_fleet(self) -> None:
         fleet = self._fleet_topics
@@ -183,7 +170,14 @@ class FleetSubscriber:
         ):
             self.mqtt.subscribe(topic_filter, partial(self._on_fleet_message, kind, take))
 
-    def _subscribe_topic(self, scheme: TopicScheme, kind: MessageKind, form: type[M], take: Take[M]) -> None:
+    def _subscribe_topic(
+        self,
+        scheme: TopicScheme,
+        kind: MessageKind,
+        form: type[M],
+        take: Take[M],
+        take_retained: Take[M] | None = None,
+    ) -> None:
         """Subscribe to a topic of all robots; ``take`` receives each valid message of an accepted source."""
 
         def handle_message(inbound: Inbound) -> None:
@@ -217,7 +211,7 @@ class FleetSubscriber:
                 return
             # What a robot left at the broker below an earlier version or interface name is outdated.
             if self._sources.accepts(key, scheme, message, retained=inbound.retained):
-                take(key, message, at, inbound)
+                (take_retained if take_retained and inbound.retained else take)(key, message, at)
                 self._model.on_source(key, scheme, message.version)
                 if self._repaired:
                     self._model.on_deviations(key, self._deviations.of(key))

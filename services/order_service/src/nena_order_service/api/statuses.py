@@ -6,6 +6,7 @@ import asyncio
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import islice
 from typing import Final
 
 from pydantic import BaseModel
@@ -184,8 +185,7 @@ class Heartbeat:
         store_ready: Callable[[], bool],
         stops: Callable[[], tuple[StopStatus, ...]] = tuple,
         broker_lacks: Callable[[], tuple[BrokerLack, ...]] = tuple,
-        locked_paths: Callable[[], tuple[str, ...]] = tuple,
-        locked_by: Callable[[], dict[str, SetBy]] = dict,
+        locked_paths: Callable[[], dict[str, SetBy | None]] = dict,
     ) -> None:
         self._topic = topics.service_status
         self._clock = clock
@@ -194,7 +194,6 @@ class Heartbeat:
         self._stops = stops
         self._broker_lacks = broker_lacks
         self._locked_paths = locked_paths
-        self._locked_by = locked_by
         self._due = asyncio.Event()
         self._ended = False
 
@@ -221,16 +220,15 @@ class Heartbeat:
 
     def _status_message(self, *, online: bool) -> Outbound:
         # 0054: with the stops, which need no topic and outlast a restart of the aggregator that way.
-        locked = self._locked_paths()[:LOCKED_PATHS_SHOWN] if online else ()
-        known = self._locked_by()
+        locked = dict(islice(self._locked_paths().items(), LOCKED_PATHS_SHOWN if online else 0))
         status = ServiceStatus(
             online=online,
             timestamp=self._clock.now(),
             store_ready=online and self._store_ready(),
             broker_lacks=self._broker_lacks() if online else (),
             stops=self._stops() if online else (),
-            locked_paths=locked,
-            locked_by={name: known[name] for name in locked if name in known},
+            locked_paths=tuple(locked),
+            locked_by={name: setter for name, setter in locked.items() if setter},
         )
         return Outbound(
             self._topic, with_epoch(status.model_dump_json(by_alias=True).encode(), self._epoch), retain=True

@@ -33,11 +33,4 @@ class StopOperations:
         self._engine.stops.get(name)
         async with self._engine.unit_of_work.saved():
             stop = self._engine.end_stop(name, request.by or caller, request.reason)
-        return StopStatus(
-            name=name,
-            by=stop.by,
-            reason=stop.reason,
-            since=stop.since,
-            area=stop.area,
-            ended=self._engine.clock.now(),
-        )
+        return stop.with_status(ended=self._engine.clock.now())

@@ -148,10 +148,11 @@ class LockedPaths:
         self._resources = resources
         self._plant = plant
 
-    def locked_by_hosts(self) -> tuple[str, ...]:
-        """Return the names of the paths that hosts have locked, not those that the plant model locks."""
+    def locked_by_hosts(self) -> dict[str, SetBy | None]:
+        """Return the paths that hosts have locked, with who did it, not those that the plant model locks."""
         in_plant = self._plant.paths_by_name
-        return tuple(name for name, locked in self.by_hosts.items() if locked and not in_plant[name].locked)
+        names = (name for name, locked in self.by_hosts.items() if locked and not in_plant[name].locked)
+        return {name: self.locked_by.get(name) for name in names}
 
     def lock(
         self, *, by_hosts: Mapping[str, bool] | None = None, by_stops: Mapping[str, str] | None = None

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -76,6 +76,10 @@ class FleetStop(BaseModel):
     reason: str
     since: datetime
     area: Area | None = None
+
+    def with_status(self, **status: Any) -> StopStatus:  # noqa: ANN401 - other fields of the status
+        """Return the stop for hosts."""
+        return StopStatus(**self.model_dump(exclude={"number", "area"}), area=self.area, **status)
 
     @property
     def as_reason(self) -> Reason:
@@ -362,12 +366,7 @@ class Stops:
                 else:
                     paused[name] += 1
         return tuple(
-            StopStatus(
-                name=stop.name,
-                by=stop.by,
-                reason=stop.reason,
-                since=stop.since,
-                area=stop.area,
+            stop.with_status(
                 vehicles=paused[stop.name] + len(unpaused[stop.name]),
                 paused=paused[stop.name],
                 not_paused=tuple(unpaused[stop.name]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import islice
+from typing import cast
 
 from nena_shared.clock import iso
 from nena_shared.fleet_api.peripherals import PeripheralJobStatus
@@ -24,6 +25,7 @@ from nena_status_aggregator.fleet.robot import Robot
 from nena_status_aggregator.fleet.views import (
     ActionView,
     AheadView,
+    AreaView,
     BodyView,
     CodedReasonView,
     ErrorView,
@@ -132,21 +134,12 @@ def view_robot(
 
 def view_stop(stop: StopStatus, *, direct: bool = False) -> StopView:
     """Build the view of a stop; ``direct``: the order service does not know it yet."""
-    area = stop.area
     return {
         "name": stop.name,
         "by": stop.by,
         "reason": short(stop.reason) or "",
         "since": iso(stop.since),
-        "area": {
-            "xMin": area.x_min,
-            "yMin": area.y_min,
-            "xMax": area.x_max,
-            "yMax": area.y_max,
-            "mapId": area.map_id,
-        }
-        if area
-        else None,
+        "area": cast("AreaView", stop.area.model_dump(by_alias=True)) if stop.area else None,
         "vehicles": stop.vehicles,
         "paused": stop.paused,
         "notPaused": [
