@@ -48,3 +48,8 @@ def words_of(finding: Any) -> str:  # noqa: ANN401 - pydantic and FastAPI have t
 def shortened(text: str) -> str:
     """Shorten a text to SHOWN characters."""
     return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
+
+
+def letters_of(word: str) -> str:
+    """Return a word without what spellings of it differ in: letter case, blanks, `_` and `-`."""
+    return word.casefold().replace("_", "").replace("-", "").replace(" ", "")

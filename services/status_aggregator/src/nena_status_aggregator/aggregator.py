@@ -23,7 +23,6 @@ from nena_status_aggregator.direct_stops import DirectStops
 from nena_status_aggregator.extension import Core, Extension
 from nena_status_aggregator.fleet.events import Event
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
-from nena_status_aggregator.fleet.queues import JamLimits
 from nena_status_aggregator.fleet.robot import Timestamp
 from nena_status_aggregator.history.history import History
 from nena_status_aggregator.kept_acknowledgements import KeptAcknowledgements
@@ -71,7 +70,7 @@ class Aggregator:
             silence=settings.silence_limit,
             clock_skew=settings.clock_skew_limit,
             track_distance=settings.history.track_distance if self.history else 0.0,
-            jam=JamLimits(settings.jam.robots, settings.jam.seconds),
+            jam=settings.jam,
         )
         self.model = FleetModel(limits, self._on_event, self._on_matter)
         self.link = FleetSubscriber(settings, self.model, clock)

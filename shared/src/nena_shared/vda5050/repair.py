@@ -27,6 +27,7 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic_core import PydanticSerializationError, to_json
 
 from nena_shared.clock import iso
+from nena_shared.findings import letters_of
 from nena_shared.vda5050.action import Action, ActionState, BlockingType
 from nena_shared.vda5050.base import ANGLE_LIMIT, Header, Timestamp, WireObject
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
@@ -629,25 +630,20 @@ def _word_of(shape: Shape, at: str) -> _Fix:
     words = [*(member.value for member in shape.kind), *(shape.names or ())]  # type: ignore[attr-defined] # an enumeration
     accepted = frozenset(words)
     # reversed: if two words have the same letters, the enumeration's own wins over an older name
-    by_letters = {_letters_of(word): word for word in reversed(words)}
+    by_letters = {letters_of(word): word for word in reversed(words)}
 
     def fix(value: Any, repairs: Repairs) -> Any:  # noqa: ANN401 - JSON
         if type(value) is not str:
             raise _UnrepairableError
         if value in accepted:
             return value
-        word = by_letters.get(_letters_of(value))
+        word = by_letters.get(letters_of(value))
         if word is None:
             raise _UnrepairableError
         repairs[at, RepairKind.LETTER_CASE] = quoted(value)
         return word
 
     return fix
-
-
-def _letters_of(word: str) -> str:
-    """Return a word without case and separators."""
-    return word.casefold().replace("_", "").replace("-", "").replace(" ", "")
 
 
 def _text_of(shape: Shape, at: str) -> _Fix:

@@ -10,13 +10,13 @@ from nena_shared.fleet_api.attention import Acknowledgement, MatterKind, advice_
 from nena_shared.fleet_api.service_status import LOST_AFTER
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
-from nena_status_aggregator.fleet.queues import JamLimits
 from nena_status_aggregator.fleet.robot import Timestamp
+from nena_status_aggregator.settings import JamSettings
 from support.clocks import ManualClock
 from support.fleet_examples import START, power
 from support.matters import CONDITIONS, OWN, Condition, ModelSite, emergency
 
-LIMITS = ModelLimits(jam=JamLimits(robots=2, seconds=1), silence=3600)
+LIMITS = ModelLimits(jam=JamSettings(robots=2, seconds=1), silence=3600)
 
 
 def make_site(limits: ModelLimits = LIMITS) -> ModelSite:

@@ -10,7 +10,7 @@ from nena_shared.fleet_api.transport_order import OrderOutcome, TransportOrderSt
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.events import Code, Event, Outcome
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
-from nena_status_aggregator.fleet.queues import JamLimits
+from nena_status_aggregator.settings import JamSettings
 from support.fleet_examples import ROBOT, START, connection, order_status, position, vehicle_status, way
 from support.fleet_examples import timestamp as at
 from support.fleet_records import state
@@ -191,7 +191,7 @@ def test_new_cause_of_waiting_is_logged() -> None:
 
 
 def test_jams_and_stops_are_logged_for_the_replay() -> None:
-    recorded = Recorded(jam=JamLimits(robots=1, seconds=0))
+    recorded = Recorded(jam=JamSettings(robots=1, seconds=0))
     for second, behind in ((0, 3), (1, 3), (2, 0)):
         for number in range(4):
             key = RobotKey("ACME", f"r{number}")

@@ -15,14 +15,14 @@ from nena_shared.mqtt import Inbound
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
-from nena_status_aggregator.fleet.queues import JamLimits, Queues
+from nena_status_aggregator.fleet.queues import Queues
 from nena_status_aggregator.fleet.views import FleetView, WaitView
 from nena_status_aggregator.mqtt import FleetSubscriber
-from nena_status_aggregator.settings import AggregatorSettings, Share
+from nena_status_aggregator.settings import AggregatorSettings, JamSettings, Share
 from support.fleet_examples import START, connection, timestamp, vehicle_status
 from support.fleet_records import state
 
-LIMITS = ModelLimits(jam=JamLimits(robots=2, seconds=20))
+LIMITS = ModelLimits(jam=JamSettings(robots=2, seconds=20))
 STOP = {"safety_state": {"active_emergency_stop": "MANUAL", "field_violation": False}}
 
 
@@ -170,7 +170,7 @@ def test_chain_leads_through_uncounted_robots_of_other_shares() -> None:
 
 
 def test_robots_of_other_shares_have_a_limit() -> None:
-    queues = Queues(JamLimits())
+    queues = Queues(JamSettings())
     for number in range(10):
         queues.update_elsewhere(elsewhere(number, 99), limit=2)
     queues.update_elsewhere(elsewhere(1, 98), limit=2)

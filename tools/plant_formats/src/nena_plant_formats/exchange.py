@@ -92,11 +92,6 @@ def parts_of(annotation: Any) -> tuple[Any, ...]:  # noqa: ANN401 - any annotati
     return (annotation, *(part for each in get_args(annotation) for part in parts_of(each)))
 
 
-def letters_of(word: str) -> str:
-    """Return a word without what spellings of it differ in: letter case, blanks, `_` and `-`."""
-    return word.casefold().replace("_", "").replace("-", "").replace(" ", "")
-
-
 def refusal(code: str, text: str) -> PlantModelError:
     """Return the error for a file that cannot be read."""
     return PlantModelError([PlantProblem(code, ObjectKind.MODEL, "", text)])

@@ -11,7 +11,6 @@ from pydantic import ValidationError
 from nena_plant_formats import lif, nav2_route, opentcs_xml
 from nena_plant_formats.exchange import (
     ImportReport,
-    letters_of,
     parse_json,
     records_in,
     refusal,
@@ -19,7 +18,7 @@ from nena_plant_formats.exchange import (
     with_received,
 )
 from nena_plant_formats.other_files import name_of
-from nena_shared.findings import in_words
+from nena_shared.findings import in_words, letters_of
 from nena_shared.plant.checks import find_errors, find_warnings
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
 from nena_shared.plant.model import PlantModel

@@ -32,7 +32,7 @@ from nena_status_aggregator.fleet.order_service import OrderServiceWatch
 from nena_status_aggregator.fleet.orders import OrderRegistry
 from nena_status_aggregator.fleet.peripherals import PeripheralRegistry
 from nena_status_aggregator.fleet.publication import Delta, Publication
-from nena_status_aggregator.fleet.queues import JamLimits, Queues
+from nena_status_aggregator.fleet.queues import Queues
 from nena_status_aggregator.fleet.robot import PlantFrame, Robot, Timestamp
 from nena_status_aggregator.fleet.statistics import Statistics
 from nena_status_aggregator.fleet.view_builder import (
@@ -50,6 +50,7 @@ from nena_status_aggregator.fleet.views import (
     PeripheralView,
     RobotView,
 )
+from nena_status_aggregator.settings import JamSettings
 
 
 class RobotRegistry:
@@ -132,7 +133,7 @@ class ModelLimits:
     """Deviation from which a robot's clock counts as wrong, s."""
     track_distance: float = 0.0
     """m between two position events of a robot; 0 disables them."""
-    jam: JamLimits = field(default_factory=JamLimits)
+    jam: JamSettings = field(default_factory=JamSettings)
 
 
 class FleetModel:

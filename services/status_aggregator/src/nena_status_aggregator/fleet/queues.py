@@ -11,6 +11,7 @@ from nena_shared.fleet_api.vehicle import VehicleState, VehicleStatus
 from nena_shared.fleet_api.wait_chains import WaitChain, wait_chains
 from nena_status_aggregator.fleet.condition import Condition
 from nena_status_aggregator.fleet.robot import Robot, Timestamp
+from nena_status_aggregator.settings import JamSettings
 
 STUCK = (
     Condition.OFFLINE,
@@ -24,16 +25,6 @@ STUCK = (
 
 STUCK_ELSEWHERE = (VehicleState.ERROR, VehicleState.UNAVAILABLE, VehicleState.UNKNOWN)
 """The same for robots of other shares, of which only the order service's status is known."""
-
-
-@dataclass(frozen=True, slots=True)
-class JamLimits:
-    """The limits beyond which waiting robots are a jam."""
-
-    robots: int = 3
-    """Number of robots behind one head up to which there is no jam."""
-    seconds: float = 60.0
-    """Time for which there must be more than ``robots``, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +48,7 @@ def _awaited(wait: TrafficWait) -> tuple[str, ...]:
 class Queues:
     """The queues of waiting vehicles, by the vehicles' names."""
 
-    def __init__(self, limits: JamLimits) -> None:
+    def __init__(self, limits: JamSettings) -> None:
         self.chains: dict[str, WaitChain] = {}
         """The chain of each waiting vehicle."""
         self._limits = limits

@@ -12,7 +12,7 @@ from typing import Any, Final
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from nena_plant_formats.exchange import letters_of, parts_of, records_in, with_received
+from nena_plant_formats.exchange import parts_of, records_in, with_received
 from nena_plant_formats.lif import mobile_robots
 from nena_plant_formats.lif.document import (
     DRAFT_VERSION,
@@ -24,7 +24,7 @@ from nena_plant_formats.lif.document import (
     LifVersion,
     Station,
 )
-from nena_shared.findings import path_of, words_of
+from nena_shared.findings import letters_of, path_of, words_of
 from nena_shared.plant import curve
 from nena_shared.plant.checks import disconnected_points
 from nena_shared.plant.errors import ObjectKind, PlantProblem

@@ -12,7 +12,6 @@ from nena_plant_formats.exchange import (
     JSON_LIMITS,
     ImportReport,
     JsonLimits,
-    letters_of,
     parse_json,
     refusal,
 )
@@ -29,6 +28,7 @@ from nena_plant_formats.lif.document import (
     StationPosition,
     without_none,
 )
+from nena_shared.findings import letters_of
 from nena_shared.plant import curve
 from nena_shared.plant import property_keys as keys
 from nena_shared.plant.checks import find_errors, find_warnings

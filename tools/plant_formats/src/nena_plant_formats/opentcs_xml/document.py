@@ -15,7 +15,8 @@ from xml.etree.ElementTree import Element, ParseError, TreeBuilder
 from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import DefusedXMLParser
 
-from nena_plant_formats.exchange import letters_of, refusal
+from nena_plant_formats.exchange import refusal
+from nena_shared.findings import letters_of
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
 
 
