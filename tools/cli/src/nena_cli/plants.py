@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from dataclasses import replace as replace_fields
@@ -23,7 +23,7 @@ from nena_cli.output import echo, fail, print_object
 from nena_cli.service import Service, of_service
 from nena_plant_formats import files, lif, opentcs_xml
 from nena_plant_formats import nav2_route as nav2_route_graph
-from nena_plant_formats.exchange import JSON_LIMITS
+from nena_plant_formats.exchange import JSON_LIMITS, ExportReport
 from nena_plant_formats.files import PlantFormat
 from nena_plant_formats.lif import LifVersion
 from nena_shared.fleet_api.operations.plant import CHANGE_PLANT
@@ -69,14 +69,6 @@ class Target(StrEnum):
     NENA = "nena"
 
 
-@dataclass(frozen=True, slots=True)
-class LifOptions:
-    """Values that LIF requires and a plant model may lack; the defaults are the writer's."""
-
-    map_id: str | None = None
-    vehicle_types: tuple[str, ...] = ()
-
-
 def read_plant(name: str, *, strict: bool = False) -> PlantFile:
     """Read a plant model from a file, or from standard input for ``-``.
 
@@ -94,23 +86,22 @@ def read_plant(name: str, *, strict: bool = False) -> PlantFile:
 
 
 def encode(
-    model: PlantModel, target: Target, *, at: datetime, options: LifOptions
-) -> tuple[bytes, tuple[Finding, ...]]:
-    """Return a plant model in this format, and warnings about what the format cannot represent.
+    model: PlantModel, target: Target, *, map_id: str | None = None, vehicle_types: Sequence[str] = ()
+) -> ExportReport:
+    """Return a plant model in this format; LIF requires values that a plant model may lack.
 
     Raises:
         PlantModelError: the format cannot represent it.
     """
     match target:
         case Target.NENA:
-            return model.to_json().encode() + b"\n", ()
+            return ExportReport(model.to_json().encode() + b"\n", ())
         case Target.OPENTCS:
-            report = opentcs_xml.write(model)
+            return opentcs_xml.write(model)
         case Target.LIF | Target.LIF_2_0:
             version = LifVersion.V1_0 if target is Target.LIF else LifVersion.V2_0
-            types = options.vehicle_types
-            report = lif.write(model, version, at=at, map_id=options.map_id, vehicle_types=types)
-    return report.data, _findings(report.warnings, are_errors=False)
+            at = datetime.now(UTC)
+            return lif.write(model, version, at=at, map_id=map_id, vehicle_types=vehicle_types)
 
 
 def write_bytes(data: bytes, name: str, *, replace: bool) -> None:
@@ -330,7 +321,7 @@ def import_(
     with _errors_reported():
         read = read_plant(file, strict=strict)
         model = read.model or _reject_model(read, as_json=as_json)
-        _write_model(read, model, Target.NENA, output, LifOptions(), replace=replace, as_json=as_json)
+        _write(encode(model, Target.NENA), read, output, replace=replace, as_json=as_json)
 
 
 @app.command("export", hidden=True)
@@ -359,7 +350,6 @@ def convert(
     as_json: AsJson = False,
 ) -> None:
     """Convert a plant model to openTCS XML 7.0.0, LIF 1.0.0 or 2.0.0, or a route graph, and list losses."""
-    options = LifOptions(map_id, tuple(vehicle_type or ()))
     if (target is None) is not nav2_route:
         fail("use either --format or --nav2-route")
     with _errors_reported():
@@ -367,11 +357,9 @@ def convert(
         model = read.model or _reject_model(read, as_json=as_json)
         if target is None:
             report = nav2_route_graph.write(model, map_id=map_id, frame=frame)
-            write_bytes(report.data, output, replace=replace)
-            warnings = _findings(report.warnings, are_errors=False)
-            _report_findings(read, (*read.findings, *warnings), as_json=as_json, written=output)
-            return
-        _write_model(read, model, target, output, options, replace=replace, as_json=as_json)
+        else:
+            report = encode(model, target, map_id=map_id, vehicle_types=vehicle_type or ())
+        _write(report, read, output, replace=replace, as_json=as_json)
 
 
 @app.command()
@@ -397,18 +385,9 @@ def put(
     echo(f"{done.name}: {done.points} points, {done.paths} paths, {done.vehicles} vehicles; {result}")
 
 
-def _write_model(
-    read: PlantFile,
-    model: PlantModel,
-    target: Target,
-    output: str,
-    options: LifOptions,
-    *,
-    replace: bool,
-    as_json: bool,
-) -> None:
-    data, warnings = encode(model, target, at=datetime.now(UTC), options=options)
-    write_bytes(data, output, replace=replace)
+def _write(report: ExportReport, read: PlantFile, output: str, *, replace: bool, as_json: bool) -> None:
+    write_bytes(report.data, output, replace=replace)
+    warnings = _findings(report.warnings, are_errors=False)
     _report_findings(read, (*read.findings, *warnings), as_json=as_json, written=output)
 
 
