@@ -187,7 +187,8 @@ async def _shut_down(service: OrderService) -> None:
     # The store first: what it still commits is then published (0008).
     if not await service.store.drain(DRAIN_TIMEOUT):
         log.error(
-            "exiting with unanswered requests that the store did not accept", reason=service.store.problem
+            "exiting with unanswered requests that the store did not accept",
+            reason=service.store.why_not_ready,
         )
     await service.mqtt.drain(DRAIN_TIMEOUT)
     for extension in service.extensions.values():

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Engine, text
 
+from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.store import leadership
 from nena_order_service.store.database import Changes, Fence, commit_changes, read_order
 from nena_order_service.store.leadership import Leadership, begin_epoch
@@ -34,6 +35,27 @@ def test_a_replaced_service_commits_nothing(postgres: Postgres) -> None:
         commit_changes(engine, changes((dispatchable_order(number=2), None)), old)
     assert read_order(engine, name="T-1") is not None
     assert read_order(engine, name="T-2") is None
+
+
+async def test_requests_of_a_replaced_service_are_refused_at_once(postgres: Postgres) -> None:
+    engine = open_database(postgres.url)
+    store = Store(engine, fence=Fence.raise_for(engine, "http://old.example"))
+    Fence.raise_for(engine, "http://new.example")
+    loop = asyncio.get_running_loop()
+    answers = [loop.create_future() for _ in range(2)]
+    store.fail_on_loss(answers[0])
+    store.commit(changes((dispatchable_order(), None)), lambda: answers[0].set_result(None))
+    with pytest.raises(FencedError):
+        await asyncio.wait_for(store.run(), PATIENCE)
+
+    store.commit(Changes(), lambda: answers[1].set_result(None))  # as a repeated request for that order
+    store.fail_on_loss(answers[1])
+    for answer in answers:
+        with pytest.raises(StoreNotReadyError, match="another order service is now active"):
+            await asyncio.wait_for(answer, PATIENCE)
+    assert not await asyncio.wait_for(store.drain(2 * PATIENCE), PATIENCE)
+    assert "another order service is now active" in store.why_not_ready
+    store.close()
 
 
 def test_an_epoch_increases_regardless_of_the_clock(

@@ -18,7 +18,7 @@ from nena_order_service.store import audit, database
 from nena_order_service.store.audit import AuditChain
 from nena_order_service.store.database import Changes, Fence, OrderFilter, Unfinished, read_documents
 from nena_order_service.store.instance_lock import InstanceLock
-from nena_order_service.store.schema import TRANSIENT_ERRORS, StoreLostError, reason_of
+from nena_order_service.store.schema import TRANSIENT_ERRORS, FencedError, StoreLostError, reason_of
 from nena_shared.database_connections import close_connections
 from nena_shared.fleet_api.audit import AuditMark, AuditPage, AuditQuery
 from nena_shared.fleet_api.requests import OrderSequencesQuery
@@ -122,7 +122,7 @@ class Store:
         self.lead_problem = ""
         """Why it is uncertain whether this program may write to a shared store; empty if it may."""
         self._loss = ""
-        """Why the database file is no longer the one that was opened; empty while it is."""
+        """Why nothing is committed any more: the database file is gone, or the store taken over."""
         self._answers: set[asyncio.Future[None]] = set()
         self.commits = 0
         self.failures = 0
@@ -150,9 +150,9 @@ class Store:
     def commit(self, changes: Changes, then: Callable[[], None]) -> None:
         """Call ``then`` once ``changes`` and all earlier ones are committed.
 
-        It is called at once if there are no changes and nothing is waiting.
+        It is called at once if there are no changes and nothing is waiting or lost.
         """
-        if not changes and not self._writing and not self._then:
+        if not changes and not self._writing and not self._then and not self._loss:
             then()
             return
         self.numbers.number_changes(changes)
@@ -168,23 +168,29 @@ class Store:
             FencedError: another order service has taken over the store.
             StoreLostError: the database file was deleted or replaced.
         """
-        while True:
-            await self._wake.wait()
-            if self._why_file_is_lost():
-                await asyncio.sleep(LOSS_SHOWN)
-                raise StoreLostError(self._loss)
-            await self._write_waiting()
+        try:
+            while True:
+                await self._wake.wait()
+                if self._why_file_is_lost():
+                    await asyncio.sleep(LOSS_SHOWN)
+                    raise StoreLostError(self._loss)
+                await self._write_waiting()
+        except FencedError as error:
+            self._lose(str(error))
+            raise
 
     def fail_on_loss(self, answer: asyncio.Future[None]) -> None:
-        """Make ``answer`` raise StoreNotReadyError if the database file is gone."""
+        """Make ``answer`` raise StoreNotReadyError if the store is lost: nothing is committed any more."""
         self._answers.add(answer)
         answer.add_done_callback(self._answers.discard)
+        if self._loss:
+            self._lose(self._loss)
 
     async def drain(self, seconds: float) -> bool:
         """Wait at most ``seconds`` until everything is committed and published; return whether it is."""
         done = asyncio.Event()
         self.commit(Changes(), done.set)
-        return await set_within(done, seconds)
+        return await set_within(done, 0.0 if self._loss else seconds)
 
     def close(self) -> None:
         """Stop the threads, close the database and release its lock; pending queries are abandoned."""
@@ -312,12 +318,15 @@ class Store:
         """Check the database file; return why it is no longer the one that was opened, empty if it is."""
         if not self._loss and self._lock and (loss := self._lock.why_lost()):
             log.critical("accepting no more orders; the order service exits", reason=loss)
-            self._loss = loss
+            self._lose(loss)
             self._wake.set()
-            for answer in list(self._answers):
-                if not answer.done():
-                    answer.set_exception(StoreNotReadyError(loss))
         return self._loss
+
+    def _lose(self, loss: str) -> None:
+        self._loss = loss
+        for answer in self._answers:
+            if not answer.done():
+                answer.set_exception(StoreNotReadyError(loss))
 
     def _set_problem(self, problem: str) -> None:
         if problem and problem != self.problem:
