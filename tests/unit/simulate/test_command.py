@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -92,3 +94,13 @@ def test_unusable_plant_is_refused_with_a_reason(tmp_path: Path, text: str) -> N
 
     assert result.exit_code == 2
     assert "nena simulate: " in result.output
+
+
+@pytest.mark.long
+def test_the_start_imports_no_web_framework() -> None:
+    names = "{'fastapi', 'starlette', 'nena_order_service.extension'}"
+    code = f"import sys, nena_simulate.command; print({names} & sys.modules.keys())"
+
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+
+    assert done.stdout == "set()\n"

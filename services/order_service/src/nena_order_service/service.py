@@ -25,33 +25,25 @@ from nena_order_service.api.peripheral_link import PeripheralLink
 from nena_order_service.api.plant import ChangePlant
 from nena_order_service.api.rest import Service, make_app
 from nena_order_service.api.statuses import Heartbeat, RetainedSweep, StatusPublisher
-from nena_order_service.engine.context import Context
-from nena_order_service.engine.engine import Engine
+from nena_order_service.building import make_engine, make_fleet
 from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.extension import Core, EditPlant, Extension, Listeners, installed
 from nena_order_service.fleet.guard import FleetGuard
-from nena_order_service.fleet.link import FleetLink, HeaderIds, RobotAddresses
-from nena_order_service.fleet.vda_order import OperationMap
-from nena_order_service.orders.vda_orders import OrderPlanner
-from nena_order_service.routing.graph import cost_evaluators
-from nena_order_service.routing.router import RouteFinder, Router
+from nena_order_service.fleet.link import HeaderIds
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.store import Store
-from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.certificates import Certificates
-from nena_shared.clock import Clock, SystemClock
+from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
-from nena_shared.mqtt import BrokerLink, LinkHooks, MqttLink, Term, always
+from nena_shared.mqtt import LinkHooks, MqttLink, Term, always
 from nena_shared.mqtt.broker_check import LACKS, BrokerLack
 from nena_shared.plant import PlantModel
 from nena_shared.settings import settings_of
 from nena_shared.tasks import forever
-from nena_shared.vda5050.message_reader import MessageReader
-from nena_shared.vda5050.topics import TopicScheme
 
 log = get_logger(__name__)
 
@@ -229,39 +221,6 @@ class OrderService:
             await extension.end()
 
 
-def make_fleet(
-    settings: OrderServiceSettings,
-    mqtt: BrokerLink,
-    engine: Engine,
-    clock: Clock,
-    *,
-    epoch: int = 0,
-    header_ids: HeaderIds | None = None,
-    make_reader: Callable[..., MessageReader] = MessageReader,
-) -> FleetLink:
-    """Build fleet control over the link ``mqtt``.
-
-    Raises:
-        ConfigurationError: the plant model names an unsupported version.
-    """
-    addresses = RobotAddresses(
-        [TopicScheme(settings.interface_name, "v2"), TopicScheme(settings.interface_name_v3, "v3")]
-    )
-    addresses.expect_vehicles((vehicle.key, vehicle.model) for vehicle in engine.registry if vehicle.model)
-    return FleetLink(
-        mqtt,
-        addresses=addresses,
-        settings=settings.fleet,
-        clock=clock,
-        on_events=engine.on_events,
-        epoch=epoch,
-        header_ids=header_ids,
-        only_map=engine.plant.only_map(settings.engine.default_map_id),
-        nodes=engine.plant.points_by_name,
-        make_reader=make_reader,
-    )
-
-
 def _no_change(plant: PlantModel) -> ChangePlant:
     """Return a function that refuses all changes of the plant model except those without effect."""
 
@@ -314,28 +273,3 @@ def readiness(
         loop_lag=round(loop_lag, 4),
         problems=tuple(problems),
     )
-
-
-def make_engine(settings: OrderServiceSettings, plant: PlantModel, store: Store, clock: Clock) -> Engine:
-    """Build the engine over ``store``."""
-    router = Router(plant, cost_evaluators(settings.routing.costs, plant))
-    without_host_locks = Router(plant, cost_evaluators(settings.routing.costs, plant))
-    operations = OperationMap(settings.engine.action_types)
-    finder = RouteFinder(
-        plant, router, without_host_locks=without_host_locks, action_type=operations.action_type
-    )
-    planner = OrderPlanner(
-        plant,
-        finder,
-        operations,
-        speed_limits=settings.engine.speed_limits,
-        peripherals=settings.engine.peripherals.enabled,
-    )
-    registry = VehicleRegistry(
-        plant,
-        default_map_id=settings.engine.default_map_id,
-        adopt_unknown=settings.engine.adopt_unknown,
-        max_distance=settings.engine.max_distance_to_point,
-    )
-    context = Context(planner, registry, settings.engine, clock, on_failure=settings.orders.on_failure)
-    return Engine(context, store)

@@ -23,6 +23,7 @@ def observe(case: Case) -> Observed:
 async def _simulate_case(case: Case, clock: VirtualClock) -> Observed:
     site = Site(case, clock)
     gc.freeze()  # what lasts is not searched for garbage, as in the programs
+    gc.set_threshold(20_000, 10, 100)  # reference counting frees nearly all of the rest
     observer = Observer(site)
     await site.run(case.warm_up + case.hours * HOUR, observer.watch)
     return observer.observed()
