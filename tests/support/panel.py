@@ -5,15 +5,17 @@ from __future__ import annotations
 import asyncio
 import json
 import os
-from collections.abc import AsyncIterator, Callable
+import re
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 from axe_playwright_python.async_playwright import Axe  # type: ignore[import-untyped]
-from playwright.async_api import Browser, Locator, Page, expect
+from playwright.async_api import Browser, Locator, Page, Route, expect
 
 from nena_shared.fleet_api.peripherals import PeripheralStatus
 from nena_shared.fleet_api.topics import FleetTopics, PeripheralTopic
@@ -221,6 +223,31 @@ async def picture(page: Page, name: str) -> None:
     """Save a screenshot for the documentation, if a folder is set."""
     if PICTURES:
         await page.screenshot(path=Path(PICTURES) / f"{name}.png", animations="disabled")
+
+
+COPY_BODIES = """() => {
+  const real = window.fetch;
+  window.fetch = (url, options) => {
+    const headers = { ...options?.headers, "x-body": encodeURIComponent(options?.body ?? "") };
+    return real(url, options?.body ? { ...options, headers } : options);
+  };
+}"""
+"""Sends the body of a request as a header, too."""
+
+
+async def answered(
+    page: Page, requests: str | re.Pattern[str], answer: Callable[[Route, Any], Awaitable[None]]
+) -> None:
+    """Answer requests of the page by ``answer``, with what was sent: Playwright gets no body from Firefox."""
+    if IN_FIREFOX:
+        await page.evaluate(COPY_BODIES)
+
+    async def handle(route: Route) -> None:
+        sent = route.request
+        body = unquote(sent.headers["x-body"]) if IN_FIREFOX else sent.post_data
+        await answer(route, json.loads(body or ""))
+
+    await page.route(requests, handle)
 
 
 async def saved(page: Page, button: Locator, folder: Path) -> str:

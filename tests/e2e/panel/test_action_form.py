@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import pytest
@@ -13,7 +12,7 @@ from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.topics import Topic
 from support.broker import free_port
 from support.fleet_examples import ROBOT, factsheet, state, vehicle_status
-from support.panel import Hall, opened, seconds_now
+from support.panel import Hall, answered, opened, seconds_now
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -44,8 +43,8 @@ def sheet() -> Factsheet:
 async def test_form_is_generated_from_the_factsheet(hall: Hall, browser: Browser) -> None:
     sent: list[Any] = []
 
-    async def order_service(route: Route) -> None:
-        sent.append(json.loads(route.request.post_data or ""))
+    async def order_service(route: Route, body: Any) -> None:
+        sent.append(body)
         done = {"actionId": "1", "actionType": "beep", "status": "FAILED", "reason": "no horn"}
         await route.fulfill(json=done)
 
@@ -55,7 +54,7 @@ async def test_form_is_generated_from_the_factsheet(hall: Hall, browser: Browser
         vehicle = vehicle_status().model_dump_json(by_alias=True)
         hall.peer.publish(hall.fleet.vehicle_status(ROBOT.serial_number), vehicle, retain=True)
         async with opened(browser, f"{hall.url}#/robots/ACME%2Fr1", expected=NO_ORDER_SERVICE) as page:
-            await page.route("**/vehicles/Vehicle-1/instantActions", order_service)
+            await answered(page, "**/vehicles/Vehicle-1/instantActions", order_service)
             await expect(page.locator(".facts")).to_contain_text("Carrier 100")
             await page.get_by_role("button", name="Instant action …").click()
             form = page.get_by_role("form", name="Instant action")

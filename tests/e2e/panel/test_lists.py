@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from datetime import UTC, datetime
 from typing import Any
@@ -19,6 +18,7 @@ from support.fleet_examples import connection, position, power, state, vehicle_s
 from support.panel import (
     LABELS,
     Hall,
+    answered,
     becomes,
     findings,
     fits,
@@ -261,9 +261,9 @@ async def test_columns_are_chosen_and_stored(hall: Hall, browser: Browser) -> No
 async def test_several_robots_are_paused_at_once(hall: Hall, browser: Browser) -> None:
     sent: list[tuple[str, Any]] = []
 
-    async def order_service(route: Route) -> None:
+    async def order_service(route: Route, body: Any) -> None:
         vehicle = route.request.url.split("/")[-2]
-        sent.append((vehicle, json.loads(route.request.post_data or "")))
+        sent.append((vehicle, body))
         status = "FAILED" if vehicle == "AMR-04" else "FINISHED"
         done = {
             "actionId": "1",
@@ -276,7 +276,7 @@ async def test_several_robots_are_paused_at_once(hall: Hall, browser: Browser) -
     async with hall.connected("--order_service.url", f"http://127.0.0.1:{free_port()}"):
         shift(hall)
         async with opened(browser, hall.url, width=1600, height=1000, expected=("502",)) as page:
-            await page.route("**/instantActions", order_service)
+            await answered(page, "**/instantActions", order_service)
             await expect(page.get_by_role("button", name="Pause")).to_be_hidden()
             for name in ("AMR-01", "AMR-02", "AMR-04"):
                 await page.get_by_role("checkbox", name=f"Select {name}").check()
@@ -308,16 +308,16 @@ async def test_orders_of_several_robots_are_cancelled_and_the_robots_parked(
 ) -> None:
     sent: list[tuple[str, dict[str, Any]]] = []
 
-    async def order_service(route: Route) -> None:
+    async def order_service(route: Route, body: Any) -> None:
         path = urlsplit(route.request.url).path.split("/control/")[1]
-        sent.append((path, json.loads(route.request.post_data or "")))
+        sent.append((path, body))
         await route.fulfill(json={"name": "Park-1", "status": "FINISHED"})
 
     async with hall.connected("--order_service.url", f"http://127.0.0.1:{free_port()}"):
         shift(hall)
         robot(hall, 5, order="WMS-041")
         async with opened(browser, hall.url, width=1600, height=1000, expected=("502",)) as page:
-            await page.route(re.compile("/withdrawal$|/transportOrders$|/instantActions$"), order_service)
+            await answered(page, re.compile("/withdrawal$|/transportOrders$|/instantActions$"), order_service)
             for name in ("AMR-01", "AMR-05"):
                 await page.get_by_role("checkbox", name=f"Select {name}").check()
             await page.get_by_role("button", name="Cancel orders …").click()

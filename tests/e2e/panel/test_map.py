@@ -186,7 +186,7 @@ async def test_load_and_low_battery_are_shown_at_the_robot(hall: Hall, browser: 
             await becomes(page, COLOUR_NEAR, [6 + corner, 4.5 - corner, "location"], lambda found: found < 5)
             here: dict[str, Any] = {"mobile_robot_position": position(6, 4.5), "loads": ({"load_id": "L1"},)}
             hall.send(Topic.STATE, state(2, at=seconds_now(), power_supply=power, **here))
-            await becomes(page, COLOUR_NEAR, [6 + corner, 4.5 - corner, "location"], lambda found: found > 20)
+            await becomes(page, COLOUR_NEAR, [6 + corner, 4.5 - corner, "location"], lambda found: found > 10)
             await becomes(page, LABELS, None, lambda labels: "r1 (12 %)" in labels)
             hall.send(Topic.STATE, state(3, at=seconds_now(), mobile_robot_position=position(6, 4.5)))
             await becomes(page, COLOUR_NEAR, [6 + corner, 4.5 - corner, "location"], lambda found: found < 5)

@@ -113,7 +113,8 @@ ORDER_ROWS = """() => [...document.querySelectorAll("tr[data-order]")].map((row)
   const frame = document.querySelector("#lists").getBoundingClientRect();
   const whole = chip.right <= row.cells[1].getBoundingClientRect().right;
   const inside = cells.at(-1).getBoundingClientRect().right <= frame.right + 1;
-  const named = [...row.querySelectorAll(".name, .destinations")];
+  const titles = row.closest("table").querySelectorAll("th:not([hidden])");
+  const named = [...row.querySelectorAll(".name, .destinations"), ...titles];
   const uncut = named.every((each) => each.scrollWidth <= each.clientWidth);
   return [whole && inside && uncut, row.offsetHeight < 36, cells.length];
 }).filter((row) => row[0] !== true || row[1] !== true || row[2] !== 5)"""

@@ -480,7 +480,7 @@ export const TEXTS = {
   "orders.state": "Status",
   "orders.vehicle": "Roboter",
   "orders.destinations": "Ziele",
-  "orders.progress": "Fortschritt",
+  "orders.progress": "Fertig",
   "orders.type": "Typ",
   "orders.priority": "Priorität",
   "orders.deadline": "Fällig",

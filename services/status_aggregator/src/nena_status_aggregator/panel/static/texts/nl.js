@@ -480,7 +480,7 @@ export const TEXTS = {
   "orders.state": "Status",
   "orders.vehicle": "Robot",
   "orders.destinations": "Bestemmingen",
-  "orders.progress": "Voortgang",
+  "orders.progress": "Klaar",
   "orders.type": "Type",
   "orders.priority": "Prioriteit",
   "orders.deadline": "Deadline",
