@@ -7,9 +7,9 @@ HOUR = 3_600_000
 
 def test_positions_are_differences_and_the_one_before_the_range_is_where_it_begins() -> None:
     track = Track("A/1", since=10_000)
-    track.add_position(4_000, 100, 200, 157)
-    track.add_position(11_500, 150, 200, 157)
-    track.add_position(12_000, 150, 190, -157)
+    track.add_position(4_000, {"x": 1.0, "y": 2.0, "theta": 1.57})
+    track.add_position(11_500, {"x": 1.5, "y": 2.0, "theta": 1.57})
+    track.add_position(12_000, {"x": 1.5, "y": 1.9, "theta": -1.57})
     assert track.replay["times"] == [0, 15, 5]
     assert (track.replay["x"], track.replay["y"]) == ([100, 50, 0], [200, 0, -10])
     assert track.replay["theta"] == [157, 157, -157]
@@ -17,14 +17,20 @@ def test_positions_are_differences_and_the_one_before_the_range_is_where_it_begi
 
 def test_looks_tell_what_waits_is_urgent_and_carries_loads() -> None:
     track = Track("A/1", since=0)
-    track.add_condition(1_000, "WAITING", "waits_passing", "BUSY")
-    track.add_condition(2_000, "WAITING", "waits_turn", "WAITING")  # looks the same
-    track.add_condition(3_000, "BLOCKED", "emergency_stop", "WAITING")
-    track.add_condition(4_000, "BLOCKED", "paused", "BLOCKED")
-    track.add_loads(5_000, 2)
-    track.add_jam(5_500, 11)
-    track.add_jam(5_700, 0)
-    track.add_condition(6_000, None, None, None)
+    track.add_change(
+        1_000, "condition", {"condition": "WAITING", "reason": "waits_passing", "before": "BUSY"}
+    )
+    track.add_change(
+        2_000, "condition", {"condition": "WAITING", "reason": "waits_turn", "before": "WAITING"}
+    )  # looks the same
+    track.add_change(
+        3_000, "condition", {"condition": "BLOCKED", "reason": "emergency_stop", "before": "WAITING"}
+    )
+    track.add_change(4_000, "condition", {"condition": "BLOCKED", "reason": "paused", "before": "BLOCKED"})
+    track.add_change(5_000, "loads", {"loads": 2})
+    track.add_change(5_500, "jam", {"robots": 11})
+    track.add_change(5_700, "jam", {"robots": 0})
+    track.add_change(6_000, "robotForgotten", {})
     assert track.replay["looks"] == [
         (0, "BUSY", False, 0, 0),
         (10, "WAITING", False, 0, 0),

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from typing_extensions import TypedDict
 
 from nena_status_aggregator.fleet.condition import URGENT
+from nena_status_aggregator.fleet.events import Code
 
 POSITIONS_LIMIT = 240_000
 """Number of positions to which a replay is thinned: 50 robots every 6 s in 8 hours, a frame at 60 times."""
@@ -74,29 +78,30 @@ class Track:
         self._time = self._x = self._y = 0
         self._look: tuple[str | None, bool, int, int] = None, False, 0, 0
 
-    def add_position(self, time: int, x: int, y: int, theta: int) -> None:
-        """Add a position, cm and hundredths of a rad; one before the range is that at its begin."""
+    def add_position(self, time: int, values: Mapping[str, float]) -> None:
+        """Add a position, m and rad; one before the range is that at its begin."""
         columns, time = self.replay, self._offset(time)
+        x, y, theta = round(100 * values["x"]), round(100 * values["y"]), round(100 * values["theta"])
         columns["times"].append(time - self._time)
         columns["x"].append(x - self._x)
         columns["y"].append(y - self._y)
         columns["theta"].append(theta)
         self._time, self._x, self._y = time, x, y
 
-    def add_condition(self, time: int, condition: str | None, reason: str | None, before: str | None) -> None:
-        """Add a change of the condition (None: the robot was removed); the first tells what was before."""
-        rest = self._look[2:]
-        if before and not self.replay["looks"]:
-            self._add_look(self._since, (before, False, *rest))
-        self._add_look(time, (condition, reason in URGENT, *rest))
-
-    def add_loads(self, time: int, loads: int) -> None:
-        """Add a change of the number of loads."""
-        self._add_look(time, (*self._look[:2], loads, self._look[3]))
-
-    def add_jam(self, time: int, robots: int) -> None:
-        """Add a change of the number of robots in a jam behind it."""
-        self._add_look(time, (*self._look[:3], robots))
+    def add_change(self, time: int, code: str, values: Mapping[str, Any]) -> None:
+        """Add a change of loads, of the jam behind it, or of the condition (none: the robot was removed)."""
+        condition, urgent, loads, jam = self._look
+        if code == Code.LOADS:
+            loads = int(values.get("loads") or 0)
+        elif code == Code.JAM:
+            jam = int(values.get("robots") or 0)
+        else:
+            if (before := values.get("before")) and not self.replay[
+                "looks"
+            ]:  # the first tells what was before
+                self._add_look(self._since, (before, False, loads, jam))
+            condition, urgent = values.get("condition"), values.get("reason") in URGENT
+        self._add_look(time, (condition, urgent, loads, jam))
 
     def _add_look(self, time: int, look: tuple[str | None, bool, int, int]) -> None:
         if look != self._look:

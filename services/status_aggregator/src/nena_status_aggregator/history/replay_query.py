@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from datetime import timedelta
 from typing import Any
 
-from sqlalchemy import Engine, Integer, Select, cast, func, select
+from pydantic_core import from_json
+from sqlalchemy import Engine, Select, func, select
 
 from nena_status_aggregator.fleet.events import Code
 from nena_status_aggregator.history.database import event_table, iso_of
@@ -46,19 +46,14 @@ def read_replay(engine: Engine, since: int, until: int) -> Replay:
             return tracks.get(robot) or tracks.setdefault(robot, Track(robot, since))
 
         stops, starts = _read_stops(period)
-        for robot, time, code, condition, reason, before, loads, jam in _read_changes(period):
+        for robot, time, code, details in _read_changes(period):
             while starts and starts[0] <= time:  # it has forgotten its jams
                 for each in tracks.values():
-                    each.add_jam(starts[0], 0)
+                    each.add_change(starts[0], JAM, {})
                 del starts[0]
-            if code == LOADS:
-                track(robot).add_loads(time, int(loads or 0))
-            elif code == JAM:
-                track(robot).add_jam(time, int(jam or 0))
-            else:
-                track(robot).add_condition(time, condition, reason, before)
-        for robot, time, x, y, theta in connection.execute(_select_positions(period, step)):
-            track(robot).add_position(time, x, y, theta)
+            track(robot).add_change(time, code, from_json(details))
+        for robot, time, details in connection.execute(_select_positions(period, step)):
+            track(robot).add_position(time, from_json(details))
         positions = select(func.min(event_table.c.time)).where(event_table.c.code == POSITION)
         begin = connection.execute(positions).scalar()
         return {
@@ -73,13 +68,10 @@ def read_replay(engine: Engine, since: int, until: int) -> Replay:
 
 def _read_changes(period: Period) -> Iterator[Any]:
     """Read the changes of conditions and loads: the last ones before the range, then those in it."""
-    table, values = event_table.c, period.values
-    texts = (values.text(name) for name in ("condition", "reason", "before"))
-    numbers = (values.number(name) for name in ("loads", "robots"))
-    changes = select(table.robot, table.time, table.code, *texts, *numbers)
+    table = event_table.c
+    changes = select(table.robot, table.time, table.code, table.details)
     of_loads, of_jams = (period.last_of_robots(code, reach=REACH) for code in (LOADS, JAM))
-    last = period.last_of_robots(*CONDITIONS), of_loads, of_jams
-    for each in last:
+    for each in (period.last_of_robots(*CONDITIONS), of_loads, of_jams):
         yield from period.connection.execute(changes.join_from(each, event_table, each.c.id == table.id))
     inside = changes.where(period.has_codes(*CONDITIONS, LOADS, JAM))
     yield from period.connection.execute(inside.order_by(table.id))
@@ -97,7 +89,7 @@ def _read_stops(period: Period) -> tuple[list[StopReplay], list[int]]:
     found: list[StopReplay] = []
     starts: list[int] = []
     for time, details in period.connection.execute(rows.order_by(table.id)):
-        values, tenths = json.loads(details), max(0, time - period.since) // TENTH
+        values, tenths = from_json(details), max(0, time - period.since) // TENTH
         ended = [*active] if values.get("started") else [] if values.get("active") else [values.get("stop")]
         for stop in (active.pop(name) for name in ended if name in active):
             stop["end"] = tenths
@@ -112,14 +104,10 @@ def _read_stops(period: Period) -> tuple[list[StopReplay], list[int]]:
 
 def _select_positions(period: Period, step: int) -> Select[Any]:
     """Return the last position of each robot before the range, and one for each step in it."""
-    table, values = event_table.c, period.values
+    table = event_table.c
     last = select(period.last_of_robots(POSITION, reach=REACH).c.id)
-    thinned = (
-        select(func.max(table.id).label("id"))
-        .where(period.has_codes(POSITION))
-        .group_by(table.time // step, table.robot)
-    )
-    hundredths = (cast(func.round(100 * values.number(name)), Integer) for name in ("x", "y", "theta"))
+    inside = period.holds_many(POSITION)
+    thinned = select(func.max(table.id).label("id")).where(inside).group_by(table.time // step, table.robot)
     # SQLite takes half of the time for this that it takes for a join with the chosen ones.
     chosen = table.id.in_(last.union_all(thinned))
-    return select(table.robot, table.time, *hundredths).where(chosen).order_by(table.id)
+    return select(table.robot, table.time, table.details).where(chosen).order_by(table.id)

@@ -79,7 +79,7 @@ class HistoryPage extends HTMLElement {
     const choices = element("div", { class: "fields" }, ...times.map(([name, control]) => field(t(name), control)), this.play, this.clock);
     const controls = element("section", {}, choices, this.slider, this.marks, this.note);
     const narrowing = element("div", { class: "fields" }, ...Object.entries(this.filters).map(([name, control]) => field(t(`history.by.${name}`), control)));
-    narrowing.addEventListener("input", () => this.#narrow());
+    narrowing.addEventListener("input", () => (this.#narrow(), this.#mark()));
     // The list grows while a replay plays: links above it stay where they are.
     const listed = element("section", {}, element("h3", {}, t("history.events")), narrowing, this.files, this.cut, this.list);
     const recordings = element("nena-recordings").show(this.fleet, ORDER_SERVICE);
@@ -156,7 +156,6 @@ class HistoryPage extends HTMLElement {
     this.#address();
     const { kind, problems, ...chosen } = this.#filter;
     this.files.replaceChildren(...["csv", "jsonl"].map((form) => download(this.loaded, form, { problems, ...chosen }, kind ? [kind] : ["position", ...CODES])));
-    this.#mark();
     this.#listEvents();
   }
 
@@ -203,6 +202,7 @@ class HistoryPage extends HTMLElement {
     this.#shown = null;
     this.#enable(false); // the slider is moved to the end once it is loaded
     this.#setTimes(range.since);
+    this.marks.replaceChildren();
     this.#narrow();
     const long = range.until - range.since > LONGEST;
     const found = long ? null : await loadReplay(range, signal);
@@ -211,11 +211,9 @@ class HistoryPage extends HTMLElement {
     setText(this.note, long ? t("history.tooLong") : noteOn(found, range));
     this.#enable(found && !found.empty);
     // Nothing is known from before the first position.
-    if (found?.recordedSince > range.since) {
-      this.#setTimes(Math.min(found.recordedSince - 1000, range.until));
-      this.#mark();
-    }
-    this.#moved();
+    if (found?.recordedSince > range.since) this.#setTimes(Math.min(found.recordedSince - 1000, range.until));
+    this.#mark();
+    this.#showTime();
   }
 
   #enable(possible) {
