@@ -183,6 +183,7 @@ async def opened(
     complaints: list[str] = []
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("console", lambda line: complaints.append(line.text) if line.type == "error" else None)
+    page.on("dialog", lambda dialog: dialog.accept("Anna"))  # asks for the name of the person
     page.set_default_timeout(1e3 * WITHIN)
     await page.goto(url)
     yield page

@@ -150,6 +150,9 @@ async def test_integration_level_is_set_and_a_drive_off_the_paths_is_noted(
         await expect(sure).to_have_count(0)
         await button(page, "Apply").click()
         await expect(form.get_by_role("status")).to_contain_text("Out of use")
+        chips = page.locator("nena-fleet-summary")
+        await expect(chips).to_contain_text("1 Out of use")
+        await expect(chips.get_by_role("button", name="Idle")).to_be_hidden()
         vehicle = (await fleet.orders.get("/v1/vehicles/Robot-01")).json()
         assert vehicle["integrationLevel"] == "TO_BE_RESPECTED"
 
@@ -353,6 +356,7 @@ async def test_a_waiting_order_is_changed_and_a_finished_one_repeated(
             "name": "T-1",
             "intendedVehicle": "Robot-01",
             "onFailure": [{"do": "RETRY", "times": 2}],
+            "deadline": "2026-01-01T08:00:00Z",
         }
         more = {"dependencies": ["T-1"], "properties": [{"key": "pallet", "value": "4711"}]}
         for order in (first, {**body, **more, "name": "T-2"}):
@@ -384,6 +388,7 @@ async def test_a_waiting_order_is_changed_and_a_finished_one_repeated(
             again = (await fleet.orders.get(f"/v1/transportOrders/{name}")).json()
             assert [each["destination"]["operation"] for each in again["driveOrders"]] == ["Load cargo"]
             assert again["intendedVehicle"] == "Robot-01"
+            assert again["deadline"] is None, "it is over"
             await button(page, "Repeat, edit first").click()
             form = page.get_by_role("form", name="New transport order")
             await expect(form.get_by_label("Place")).to_have_value("Storage")

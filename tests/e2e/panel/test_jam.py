@@ -235,6 +235,7 @@ async def end_the_jam(page: Page, orders: httpx.AsyncClient) -> None:
     await page.evaluate("localStorage.setItem('nena-person', 'Anna')")
     await asked.get_by_role("button", name="Lock these paths").click()
     await expect(asked).to_contain_text("Robots are led around Robot-02.")
+    await expect(asked.get_by_role("button", name="Lock these paths")).to_be_disabled()
     paths = (await orders.get("/v1/paths", params={"locked": "true"})).json()["paths"]
     assert paths
     assert all("South 3" in (path["destinationPoint"], path["sourcePoint"]) for path in paths)

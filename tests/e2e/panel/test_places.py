@@ -34,9 +34,15 @@ async def test_a_path_is_locked_and_a_robot_sent_from_the_map(
         await click_on(page, 6, 2)
         await expect(shown.locator("h2")).to_have_text("South 1 --- South 2")
         await expect(shown).to_contain_text("No robot.")
+        await page.evaluate("window.prompt = () => null")
+        await page.get_by_role("button", name="Lock", exact=True).click()
+        await expect(shown).to_contain_text("Not sent: enter your name first")
+        await page.evaluate("window.prompt = () => ' Kim '")  # asked for once
         await page.get_by_role("button", name="Lock", exact=True).click()
         await expect(shown).to_contain_text("South 1 --- South 2 locked")
         await expect(shown.locator(".chip")).to_have_text("Path, locked")
+        await expect(shown).to_contain_text("by Kim since")
+        assert await page.evaluate("localStorage.getItem('nena-person')") == "Kim"
 
         async def locked() -> bool:
             paths = (await orders.get("/v1/paths")).json()["paths"]

@@ -14,6 +14,7 @@ from support.broker import free_port
 from support.fleet_examples import connection, drive_order, position, sample_plant, state, vehicle_status
 from support.panel import (
     COLOUR_NEAR,
+    SIZES,
     Hall,
     becomes,
     findings,
@@ -86,19 +87,40 @@ def publish_robots(hall: Hall) -> None:
         hall.peer.publish(hall.fleet.vehicle_status(key.serial_number), body, retain=True)
 
 
+HEADS = {
+    "en-GB": "AMR-01 (Emergency stop) is at the head",
+    "de-DE": "AMR-01 (Not-Halt) steht ganz vorn",
+    "nl-NL": "AMR-01 (Noodstop) staat vooraan",
+}
+"""What the row of a robot that waits says about the first one of its queue."""
+
+NAME_IN_SIGHT = """(head) => {
+  const [range, { firstChild: text }] = [new Range(), head.querySelector("a")];
+  range.setStart(text, 0);
+  range.setEnd(text, text.data.indexOf(" ("));
+  return range.getBoundingClientRect().right + 12 <= head.getBoundingClientRect().right;
+}"""
+"""Whether the name of the first one is not cut off."""
+
+
 @pytest.mark.parametrize(
-    ("width", "height", "least"), [(1600, 1000, 20), (1280, 800, 12), (390, 844, 6)], ids=str
+    ("size", "least", "language"),
+    [("wide", 20, "de-DE"), ("laptop", 12, "en-GB"), ("laptop", 12, "nl-NL"), ("phone", 6, "en-GB")],
+    ids=str,
 )
 async def test_many_robots_are_in_sight(
-    hall: Hall, browser: Browser, width: int, height: int, least: int
+    hall: Hall, browser: Browser, size: str, least: int, language: str
 ) -> None:
+    width, height = SIZES[size]
     async with hall.connected("--jam.robots", "3", "--jam.seconds", "0.1"):
         hall.publish_plant()
         publish_robots(hall)
-        async with opened(browser, hall.url, width=width, height=height) as page:
+        async with opened(browser, hall.url, width=width, height=height, language=language) as page:
             row = page.locator("tr[data-robot='ACME/r02']")
-            await expect(row).to_contain_text("AMR-01 (Emergency stop) is at the head")
-            await expect(row).to_contain_text("Waits for AMR-01 to pass Middle 2.")
+            await expect(row).to_contain_text(HEADS[language])
+            head = await row.locator("span:has(> a[title])").element_handle()
+            await becomes(page, NAME_IN_SIGHT, head, bool)
+            await expect(row.locator(".reason")).to_contain_text("AMR-01")
             await expect(row.locator(".line").first).to_contain_text(" s")  # how long it has waited
             await becomes(page, IN_SIGHT, None, lambda count: count >= least)
             await picture(page, f"room-{width}")
@@ -116,9 +138,11 @@ ORDER_ROWS = """() => [...document.querySelectorAll("tr[data-order]")].map((row)
   const titles = row.closest("table").querySelectorAll("th:not([hidden])");
   const named = [...row.querySelectorAll(".name, .destinations"), ...titles];
   const uncut = named.every((each) => each.scrollWidth <= each.clientWidth);
-  return [whole && inside && uncut, row.offsetHeight < 36, cells.length];
+  const first = [...row.querySelectorAll(".destinations li")].find((each) => each.offsetWidth);
+  const begins = getComputedStyle(first, "::before").content === "none";
+  return [whole && inside && uncut && begins, row.offsetHeight < 36, cells.length];
 }).filter((row) => row[0] !== true || row[1] !== true || row[2] !== 5)"""
-"""Orders of which something is cut off, or that are too high, or have not all columns."""
+"""Orders with something that is cut off or begins with an arrow, that are too high, or that lack columns."""
 
 
 ORDERS = [*TransportOrderState] * 5

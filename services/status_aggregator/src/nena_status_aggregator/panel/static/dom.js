@@ -1,5 +1,7 @@
 // Helpers that create and update elements, icons and form controls. The page is only modified where something changed.
 
+import { number, t } from "./i18n.js";
+
 /** Create an element with attributes and children (elements or texts). */
 export function element(name, attributes = {}, ...children) {
   const made = document.createElement(name);
@@ -44,6 +46,11 @@ export function verbatim(name, text, attributes = {}) {
   return element(name, { translate: "no", ...attributes }, text ?? "");
 }
 
+/** Create a section with a heading, the text of `key`. */
+export function section(key, ...content) {
+  return element("section", {}, element("h3", {}, t(key)), ...content);
+}
+
 /** Create a button. */
 export function button(text, action, attributes = {}) {
   const made = element("button", { type: "button", ...attributes }, text);
@@ -56,6 +63,16 @@ export function progressBar() {
   const bar = element("progress", { max: 100, value: 0 });
   const value = element("span", { class: "number" });
   return { bar, value, box: element("span", { class: "progress" }, bar, value) };
+}
+
+/** Show the progress of an order in a progress bar; hide it if there is none. */
+export function showProgress({ box, bar, value }, order) {
+  const progress = order?.progress ?? null;
+  box.hidden = progress === null;
+  if (box.hidden) return;
+  bar.value = progress;
+  setAttribute(bar, "aria-label", t("progress.label", { name: order.name }));
+  setText(value, t("progress.value", { percent: number(progress) }));
 }
 
 /** Create the placeholder for an empty view: what is missing, and what to do. */

@@ -59,8 +59,9 @@ export function setBy(setter) {
   return setter ? t("order.heldBy", { by: nameOfHolder(setter.by), time: timeOfDay(setter.since) }) : "";
 }
 
-/** Return the name under which a robot is counted and filtered: its condition, or URGENT. */
+/** Return the name under which a robot is counted and filtered: its condition, URGENT, or OUT if it is idle because it is out of use. */
 export function filterOf(robot) {
+  if (robot.condition === "IDLE" && useOf(robot)) return "OUT";
   return robot.urgent ? "URGENT" : robot.condition;
 }
 

@@ -61,7 +61,7 @@ export async function run(button, result, send) {
     return true;
   } catch (error) {
     if (error instanceof RefusedError && error.status !== NO_ANSWER) show(result, "bad", t("command.refused"), [foreign("span", error.message)], error.errors);
-    else show(result, "bad", t("command.unanswered"));
+    else show(result, "bad", t(error.key ?? "command.unanswered"));
     return false;
   } finally {
     button.removeAttribute("aria-busy");

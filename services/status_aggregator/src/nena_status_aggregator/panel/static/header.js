@@ -7,18 +7,7 @@ import { chooseLanguage, chosenLanguage, has, LANGUAGES, plural, t, timeOfDay } 
 import { filterChip } from "./live_table.js";
 import { lists } from "./router.js";
 
-export const CONDITIONS = [
-  "ERROR",
-  "BROKEN",
-  "SILENT",
-  "BLOCKED",
-  "MANUAL",
-  "WAITING",
-  "BUSY",
-  "CHARGING",
-  "IDLE",
-  "OFFLINE",
-];
+const SHOWN = ["URGENT", "ERROR", "BROKEN", "SILENT", "BLOCKED", "MANUAL", "WAITING", "BUSY", "CHARGING", "IDLE", "OUT", "OFFLINE"];
 
 /** Chips that filter the robot list by condition. */
 class FleetSummary extends HTMLElement {
@@ -28,7 +17,7 @@ class FleetSummary extends HTMLElement {
     this.setAttribute("aria-label", t("summary.label"));
     this.total = element("span", { class: "total" });
     this.share = element("span", { class: "share" });
-    this.chips = ["URGENT", ...CONDITIONS].map((name) => [name, this.#chip(name)]);
+    this.chips = SHOWN.map((name) => [name, this.#chip(name)]);
     this.replaceChildren(this.total, this.share, ...this.chips.map(([, chip]) => chip));
     store.addEventListener("change", () => this.#update(store));
     lists.addEventListener("change", () => this.#update(store));

@@ -1,7 +1,7 @@
 // The page of a transport order, and the form that creates one.
 
 import { ask, command, newKey } from "./api.js";
-import { element, field, foreign, numberInput, numberOf, progressBar, refill, select, setAttribute, setText, verbatim } from "./dom.js";
+import { element, field, foreign, numberInput, numberOf, progressBar, refill, section, select, setAttribute, setText, showProgress, verbatim } from "./dom.js";
 import { details } from "./event_texts.js";
 import { causesOfOrder } from "./explanations.js";
 import { shownState, stopState } from "./fleet.js";
@@ -66,10 +66,7 @@ class OrderPage extends HTMLElement {
     setAttribute(this.chip, "data-state", shownState(order));
     this.why.show(causesOfOrder(order, this.fleet));
     this.commands.update(order);
-    this.progress.box.hidden = order.progress === null;
-    this.progress.bar.value = order.progress ?? 0;
-    setAttribute(this.progress.bar, "aria-label", t("progress.label", { name: order.id }));
-    setText(this.progress.value, t("progress.value", { percent: number(order.progress ?? 0) }));
+    showProgress(this.progress, order);
     refill(this.stops, [order.destinations, order.currentDestination, order.outcome], () => order.destinations.map((each) => stop(each, order)));
     refill(this.facts, [...factsOf(order), ...moreFacts(order, this.status, this.fleet.store)], (facts) => facts.flatMap(([key, content]) => [element("dt", {}, t(key)), content()]));
   }
@@ -111,10 +108,6 @@ async function ofAggregator(name) {
   const answer = await fetch(`api/v1/history?order=${encodeURIComponent(name)}`).catch(() => null);
   const page = answer?.ok ? await answer.json() : { entries: [] };
   return page.entries.reverse().map((each) => ({ time: each.time, text: t(`eventLog.${each.code}`), words: details(each) }));
-}
-
-function section(key, ...content) {
-  return element("section", {}, element("h3", {}, t(key)), ...content);
 }
 
 function entry({ time, text, words }) {

@@ -1,11 +1,11 @@
 // The page of a point, location or path: what holds it, what it is connected to, lock and unlock, and sending a robot there.
 
 import { ask, command, newKey, RefusedError } from "./api.js";
-import { button, element, field, refill, refillSelect, select, setText, verbatim } from "./dom.js";
+import { button, element, field, refill, refillSelect, section, select, setText, verbatim } from "./dom.js";
 import { conditionText, setBy } from "./explanations.js";
 import { commandForm, operation, run, vehicles } from "./forms.js";
 import { byName, t } from "./i18n.js";
-import { effectOfLock, wordsOfLock } from "./queue.js";
+import { effectOfLock, placeLink, wordsOfLock } from "./queue.js";
 import { address, backLink } from "./router.js";
 
 const PAUSE = 2000;
@@ -211,14 +211,6 @@ class PlacePage extends HTMLElement {
     this.unlockBoth.disabled = this.unlock.disabled && (!other || otherStopped);
     this.stopHint.hidden = !stopped && !otherStopped;
   }
-}
-
-function section(key, content) {
-  return element("section", {}, element("h3", {}, t(key)), content);
-}
-
-function placeLink(name) {
-  return verbatim("a", name, { href: address("places", name) });
 }
 
 function holder({ name, id, text }) {

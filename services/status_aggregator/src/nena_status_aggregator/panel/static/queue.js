@@ -83,6 +83,8 @@ class Queue extends HTMLElement {
       send: async () => {
         clearInterval(looking);
         for (const path of paths) await this.plant.lock(path, true);
+        words.focus({ preventScroll: true }); // not on the button, which is disabled now
+        asked.querySelector("button").disabled = true;
         return ["queue.locked", { name: this.head }, ...paths.flatMap((path) => [placeLink(path), " "])];
       },
     });
@@ -101,7 +103,8 @@ class Queue extends HTMLElement {
   }
 }
 
-function placeLink(name) {
+/** Create a link to the page of a place. */
+export function placeLink(name) {
   return verbatim("a", name, { href: address("places", name) });
 }
 

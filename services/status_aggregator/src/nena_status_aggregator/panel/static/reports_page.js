@@ -1,6 +1,6 @@
 // Reports: figures of robots and orders over a time range, which the server computes from the history.
 
-import { button, element, field, foreign, progressBar, select, setText, verbatim } from "./dom.js";
+import { button, element, field, foreign, progressBar, section, select, setText, verbatim } from "./dom.js";
 import { errorText } from "./explanations.js";
 import { byName, dateAndTime, dateOf, duration, fieldTime, has, number, plural, t, timeOfDay } from "./i18n.js";
 import { address, backLink, parameters, setParameters } from "./router.js";
@@ -264,10 +264,6 @@ function bar(share, text) {
   progress.setAttribute("aria-hidden", "true");
   value.textContent = text;
   return box;
-}
-
-function section(title, ...content) {
-  return element("section", {}, element("h3", {}, t(title)), ...content);
 }
 
 // A table with these columns; each row has a text or an element per column.

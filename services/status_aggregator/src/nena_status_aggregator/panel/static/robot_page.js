@@ -1,6 +1,6 @@
 // The page of a robot: why it is not moving, commands, order, errors, actions, goals, details, recordings, deviations.
 
-import { button, element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "./dom.js";
+import { button, element, foreign, progressBar, refill, setAttribute, setText, showProgress, verbatim } from "./dom.js";
 import { adviceForError, causesOfRobot, conditionText, errorText, nodeName, orderOf, setBy, useOf } from "./explanations.js";
 import { age, dateAndTime, degrees, has, number, t } from "./i18n.js";
 import { address, backLink } from "./router.js";
@@ -111,10 +111,7 @@ class RobotPage extends HTMLElement {
     const order = orderOf(robot, this.fleet.store.orders);
     this.order.hidden = !order;
     if (!order) return;
-    this.progress.box.hidden = order.progress === null;
-    this.progress.bar.value = order.progress ?? 0;
-    setAttribute(this.progress.bar, "aria-label", t("progress.label", { name: order.name }));
-    setText(this.progress.value, t("progress.value", { percent: number(order.progress ?? 0) }));
+    showProgress(this.progress, order);
     refill(this.route, [order, robot.order], () => routeOf(robot, order));
   }
 }

@@ -18,9 +18,13 @@ export function personField(session) {
   return by;
 }
 
-/** Return the name of the person for a command that does not ask for it; undefined: that of the signed-in user, or none. */
+/** Return the name of the person for a command without a field for it, asked for once; undefined: the signed-in user. */
 export function personOf(session) {
-  return session?.user ? undefined : (localStorage.getItem(KEY) ?? undefined);
+  if (session?.user) return undefined;
+  const name = localStorage.getItem(KEY) || prompt(t("stops.by"))?.trim().slice(0, 100);
+  if (!name) throw Object.assign(new Error(), { key: "command.nameless" });
+  localStorage.setItem(KEY, name);
+  return name;
 }
 
 /** Return what a stop is called: what it pauses, who began it and when. */

@@ -1,6 +1,6 @@
 // The live tables of robots and transport orders.
 
-import { element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "./dom.js";
+import { element, foreign, progressBar, refill, setAttribute, setText, showProgress, verbatim } from "./dom.js";
 import { conditionText, filterOf, isOfOrderService, orderOf, reasonOf, setBy, statusOfOrder, useOf } from "./explanations.js";
 import { hasFailed, shownState, stopState } from "./fleet.js";
 import { age, byName, dateAndTime, number, plural, t } from "./i18n.js";
@@ -162,12 +162,7 @@ function updateOrder(parts, order) {
   setAttribute(parts.order, "title", order?.name);
   setAttribute(parts.order, "href", order?.id && address("orders", order.id));
   for (const part of [parts.order, parts.progress.box]) part.classList.toggle("of-orders", Boolean(order?.id));
-  const progress = order?.progress ?? null;
-  parts.progress.box.hidden = progress === null;
-  if (progress === null) return;
-  parts.progress.bar.value = progress;
-  setAttribute(parts.progress.bar, "aria-label", t("progress.label", { name: order.name }));
-  setText(parts.progress.value, t("progress.value", { percent: number(progress) }));
+  showProgress(parts.progress, order);
 }
 
 // Text and address of the head of a robot's queue, or of the device that it waits for; only a text for a circle; else null.
@@ -301,10 +296,7 @@ function updateOrderRow(parts, row, order, now, store) {
   setText(parts.vehicle, vehicle(order));
   setAttribute(parts.vehicle, "translate", order.processingVehicle ? "no" : null);
   updateDestinations(parts.destinations, order);
-  parts.progress.box.hidden = order.progress === null;
-  parts.progress.bar.value = order.progress ?? 0;
-  setAttribute(parts.progress.bar, "aria-label", t("progress.label", { name: order.id }));
-  setText(parts.progress.value, t("progress.value", { percent: number(order.progress ?? 0) }));
+  showProgress(parts.progress, order);
   setText(parts.type, order.type);
   setText(parts.priority, number(order.priority));
   setText(parts.deadline, order.deadline ? dateAndTime(order.deadline) : t("none"));
