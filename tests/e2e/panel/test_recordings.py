@@ -40,6 +40,7 @@ async def with_answers(page: Page) -> list[str]:
 async def test_a_recording_of_the_order_service_is_requested(hall: Hall, browser: Browser) -> None:
     async with hall.connected(), opened(browser, hall.url, expected=NO_ORDER_SERVICE) as page:
         requests = await with_answers(page)
+        await expect(page.get_by_role("link", name="History")).to_be_visible()  # all of the page is loaded
         await page.reload()
         await page.get_by_role("link", name="History").click()
         heading = page.get_by_role("heading", name="Recordings of the order service")
