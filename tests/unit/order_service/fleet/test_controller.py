@@ -381,7 +381,7 @@ def test_a_robot_executing_its_order_is_quiet() -> None:
     quiet = [control.is_quiet]
     tuple(control.on_factsheet(robot.factsheet(), 0.0))
     tuple(control.on_state(robot.state(), 0.0))
-    (order, _) = control.start_order(make_vda_order("m", "A", "B"), 0.0)
+    (order,) = control.start_order(make_vda_order("m", "A", "B"), 0.0)
     assert isinstance(order, PublishOrder)
     quiet.append(control.is_quiet)
     hand_over(order, robot)
@@ -390,6 +390,16 @@ def test_a_robot_executing_its_order_is_quiet() -> None:
     assert quiet == [True, False, True], "before it is confirmed the order may have to be sent again"
     assert tuple(control.tick(2.0)) == ()
     assert tuple(control.tick(2.0 + settings.silent_after)) == (RobotChanged(ROBOT),), "it is silent now"
+
+
+def test_a_started_order_is_reported_as_a_change_only_if_it_must_wait() -> None:
+    control, robot = RobotControl(ROBOT, FleetSettings(), lambda: "id", broker=True), HonestRobot()
+    assert tuple(control.start_order(make_vda_order("m", "A", "B"), 0.0)) == (RobotChanged(ROBOT),)
+    control = RobotControl(ROBOT, FleetSettings(), lambda: "id", broker=True)
+    tuple(control.on_factsheet(robot.factsheet(), 0.0))
+    tuple(control.on_state(robot.state(), 0.0))
+    started = control.start_order(make_vda_order("m", "A", "B"), 0.0)
+    assert [type(output) for output in started] == [PublishOrder]
 
 
 class NeverDone(HonestRobot):

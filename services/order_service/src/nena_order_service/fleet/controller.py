@@ -205,10 +205,15 @@ class RobotControl:
     def start_order(self, vda_order: VdaOrder, now: float) -> Iterator[FleetOutput]:
         """Send a VDA order as soon as the robot can be sent one; until then the view has the wait reason.
 
+        RobotChanged is only reported if it is not sent at once.
+
         Raises:
             RobotBusyError: the robot already has a VDA order; at the call, before the iterator is consumed.
         """
-        return self._begin_order(OrderExecution(self.robot.key, vda_order, self._settings), now)
+        run = OrderExecution(self.robot.key, vda_order, self._settings)
+        outputs, sent = self._begin_order(run, now), VdaOrderPhase.SENT
+        # Its vehicle is published with the start; as a change of its own, it would be once more.
+        return (each for each in outputs if run.phase is not sent or not isinstance(each, RobotChanged))
 
     def adopt_order(
         self, vda_order: VdaOrder, now: float, *, accepted: bool, update_id: int = 0
