@@ -16,7 +16,7 @@ from typing import Any
 
 import httpx
 import pytest
-from playwright.async_api import Browser, Page, expect
+from playwright.async_api import Browser, Page, Route, expect
 
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.plant import PlantModel
@@ -263,6 +263,35 @@ async def test_two_editors_lose_no_work(
             await expect(two.get_by_role("heading", name="aisle, mine")).to_be_visible()
             assert len((await drawn(two))["points"]) == 22
         await becomes(one, MODEL, None, lambda model: model["name"] == "theirs")
+
+
+async def test_a_server_that_does_not_answer_is_waited_for(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        site(broker, interface_name, tmp_path) as made,
+        drawing(browser, made, "aisle", "active") as page,
+    ):
+        held: asyncio.Queue[Route] = asyncio.Queue()
+        urls = re.compile("/api/v1/control/plantDrafts(/aisle|/aisle/map)?$")
+        await page.route(urls, held.put)
+        waiting = page.locator("nena-plant-page").get_by_text("Loading …")
+        await page.reload()
+        for _ in range(2):
+            draft = await held.get()
+            await expect(waiting).to_be_visible()
+            await draft.fulfill(status=502, json={"title": "No answer"})
+        await (await held.get()).continue_()
+        robot_map = await held.get()
+        await expect(page.locator(CANVAS)).to_be_visible()
+        await robot_map.abort()
+        await (await held.get()).continue_()
+        await page.get_by_role("link", name="Drafts").click()
+        drafts = await held.get()
+        await expect(waiting).to_be_visible()
+        await drafts.abort()
+        await page.unroute(urls)
+        await expect(page.get_by_role("link", name="aisle", exact=True)).to_be_visible()
 
 
 async def test_findings_are_at_their_places_and_conflicts_are_named(

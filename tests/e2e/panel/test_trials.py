@@ -63,7 +63,8 @@ async def test_a_plant_is_proposed_from_an_uploaded_map_checked_aligned_and_simu
         await tool(page, "Two-way path")
         start = min(proposed["points"], key=lambda each: abs(each["xMm"] - 6000) + abs(each["yMm"] - 3000))
         await drag(page, (start["xMm"] / 1000, start["yMm"] / 1000), (6, 4.5))
-        close = page.locator("li[data-code=PATH_TOO_CLOSE]").filter(has_text=pillar)
+        too_close = page.locator("li[data-code=PATH_TOO_CLOSE]")
+        close = too_close.filter(has_text=pillar)
         await expect(close.first).to_contain_text("touches an obstacle", timeout=PROGRAM)
         assert await findings(page) == []
         await picture(page, "plant-clearance")
@@ -82,7 +83,7 @@ async def test_a_plant_is_proposed_from_an_uploaded_map_checked_aligned_and_simu
         await page.get_by_role("button", name="Undo").click()
         await becomes(page, MODEL, None, lambda model: model["points"] == proposed["points"])
         await page.locator(CANVAS).press("Escape")
-        # the same draft after a reload: with its map, and with the figures of its simulation
+        # an edit while it is simulated: its clearance is checked afterwards
         trial = page.get_by_role("form", name="Simulate")
         await trial.get_by_label("Numbers of robots").fill("1, 4")
         await trial.get_by_label("Simulated hours").fill("0.1")
@@ -90,11 +91,25 @@ async def test_a_plant_is_proposed_from_an_uploaded_map_checked_aligned_and_simu
         orders = tmp_path / "orders.csv"
         orders.write_text(f"from,to,per_hour\n{ends},900\n")
         await trial.get_by_label("Orders").set_input_files([orders])
-        await trial.get_by_role("button", name="Simulate").click()
-        await expect(trial).to_contain_text("Simulated.", timeout=PROGRAM)
-        await page.reload()
+        async with page.expect_response(
+            lambda answer: '"SIMULATE"' in (answer.request.post_data or ""), timeout=PROGRAM
+        ) as began:
+            await trial.get_by_role("button", name="Simulate").click()
+        assert (await began.value).ok
+        await page.get_by_role("button", name="Redo").click()
+        await expect(trial).to_contain_text("Done.", timeout=PROGRAM)
         shown = page.get_by_role("region", name="Simulate")
+        older = "Of an older state of the draft."
+        await expect(shown).to_contain_text(older)
+        await expect(too_close.first).to_be_visible(timeout=PROGRAM)
+        await expect(region).not_to_contain_text(older)
+        # the same draft after a reload: with its map and the last result of each program
+        await page.reload()
         await expect(shown.get_by_role("row")).to_have_count(3)
+        await expect(shown).to_contain_text(older)
+        await expect(too_close.first).to_be_visible()
+        await expect(region).to_contain_text("new.json written")
+        await expect(region).not_to_contain_text(older)
         await becomes(page, GRIDS, None, ["shed"].__eq__)
         await shown.get_by_role("button", name="Show where 4 robots wait").click()
         await becomes(page, WAITING, None, bool)
@@ -193,7 +208,7 @@ async def test_a_plant_is_proposed_checked_and_simulated_in_other_languages(
         await trial.get_by_label(text("plant.fleetSizes")).fill("2")
         await trial.get_by_label(text("plant.hours")).fill("0.05")
         await trial.get_by_role("button", name=text("plant.simulate")).click()
-        await expect(trial).to_contain_text(text("plant.simulated"), timeout=PROGRAM)
+        await expect(trial).to_contain_text(text("plant.ended"), timeout=PROGRAM)
         shown = page.get_by_role("region", name=text("plant.simulate"))
         await expect(shown.get_by_role("row")).to_have_count(2)
         await expect(shown).to_contain_text("the orders only drive (MOVE)")

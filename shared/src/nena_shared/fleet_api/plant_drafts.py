@@ -183,18 +183,27 @@ class PlantRunState(StrEnum):
     """How far a program is."""
 
     NONE = "NONE"
-    """None has run since the order service started."""
+    """None has run."""
     RUNNING = "RUNNING"
     DONE = "DONE"
     FAILED = "FAILED"
     CANCELLED = "CANCELLED"
 
 
+class PlantRunQuery(Resource):
+    """Which run to show."""
+
+    program: PlantProgram | None = None
+    """PROPOSE, CHECK or SIMULATE: the last one on this draft that was done; None: the last on any draft."""
+
+
 class PlantRun(Resource):
-    """The last program that ran on any draft."""
+    """A program that runs on a draft, or ran on one."""
 
     state: PlantRunState = PlantRunState.NONE
     draft: str = ""
+    version: int = 0
+    """The version of the draft when it began."""
     program: PlantProgram | None = None
     began: Moment | None = None
     by: str = ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from http import HTTPStatus
 from typing import Final
 
@@ -20,6 +21,7 @@ from nena_shared.fleet_api.plant_drafts import (
     PlantFileContent,
     PlantFileQuery,
     PlantRun,
+    PlantRunQuery,
     PlantRunRequest,
     PlantVersionList,
     SavedPlantDraft,
@@ -28,6 +30,7 @@ from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.plant_terms import MAX_BYTES
 
 _DRAFT: Final = f"{PLANT_DRAFTS}/{{name}}"
+_operation = partial(Operation, admin=True, refusals=(Refusal.UNKNOWN_PLANT_DRAFT,))
 
 LIST_PLANT_DRAFTS = Operation(
     "plantDrafts",
@@ -37,13 +40,12 @@ LIST_PLANT_DRAFTS = Operation(
     PlantDraftList,
     admin=True,
 )
-SAVE_PLANT_DRAFT = Operation(
+SAVE_PLANT_DRAFT = _operation(
     "savePlantDraft",
     "Create a draft, or save it if nobody else has saved it meanwhile; returns what is wrong in it.",
     "PUT",
     _DRAFT,
     SavedPlantDraft,
-    admin=True,
     request=PlantDraftRequest,
     also={HTTPStatus.CREATED: "Created."},
     max_body=MAX_BYTES,
@@ -55,52 +57,45 @@ SAVE_PLANT_DRAFT = Operation(
         Refusal.NOT_SAVED,
     ),
 )
-SHOW_PLANT_DRAFT = Operation(
+SHOW_PLANT_DRAFT = _operation(
     "plantDraft",
     "Return a draft with its model, what is wrong in it, and who else has it open.",
     "GET",
     _DRAFT,
     PlantDraft,
-    admin=True,
     request=PlantDraftQuery,
-    refusals=(Refusal.UNKNOWN_PLANT_DRAFT,),
 )
-DELETE_PLANT_DRAFT = Operation(
+DELETE_PLANT_DRAFT = _operation(
     "deletePlantDraft",
     "Delete a draft.",
     "DELETE",
     _DRAFT,
     PlantDraftStatus,
-    admin=True,
     refusals=(Refusal.UNKNOWN_PLANT_DRAFT, Refusal.NOT_SAVED),
 )
-COMPARE_PLANT_DRAFT = Operation(
+COMPARE_PLANT_DRAFT = _operation(
     "plantDraftDifferences",
     "Return what a draft changes: added, removed, moved and otherwise changed objects.",
     "GET",
     f"{_DRAFT}/differences",
     PlantDifferences,
-    admin=True,
     request=PlantDifferencesQuery,
-    refusals=(Refusal.UNKNOWN_PLANT_DRAFT,),
 )
-EXPORT_PLANT_DRAFT = Operation(
+EXPORT_PLANT_DRAFT = _operation(
     "plantDraftFile",
     "Return a draft as a file of NeNa, openTCS, LIF or Nav2, and what the format cannot represent.",
     "GET",
     f"{_DRAFT}/file",
     PlantFileContent,
-    admin=True,
     request=PlantFileQuery,
     refusals=(Refusal.UNKNOWN_PLANT_DRAFT, Refusal.INVALID_PLANT),
 )
-ACTIVATE_PLANT_DRAFT = Operation(
+ACTIVATE_PLANT_DRAFT = _operation(
     "activatePlantDraft",
     "Make a draft the active plant. Refused while orders or vehicles use objects that it lacks.",
     "POST",
     f"{_DRAFT}/activation",
     PlantModelChange,
-    admin=True,
     request=PlantActivation,
     refusals=(
         Refusal.UNKNOWN_PLANT_DRAFT,
@@ -110,43 +105,37 @@ ACTIVATE_PLANT_DRAFT = Operation(
         Refusal.NOT_SAVED,
     ),
 )
-SHOW_PLANT_DRAFT_MAP = Operation(
+SHOW_PLANT_DRAFT_MAP = _operation(
     "plantDraftMap",
     "Return the robot's map that is kept with a draft.",
     "GET",
     f"{_DRAFT}/map",
     PlantDraftMap,
-    admin=True,
-    refusals=(Refusal.UNKNOWN_PLANT_DRAFT,),
 )
-START_PLANT_RUN = Operation(
+START_PLANT_RUN = _operation(
     "startPlantRun",
     "Keep a robot's map with a draft, propose a plant from it, check the draft with it, or simulate it.",
     "POST",
     f"{_DRAFT}/run",
     PlantRun,
-    admin=True,
     request=PlantRunRequest,
     max_body=MAX_BYTES,
     refusals=(Refusal.UNKNOWN_PLANT_DRAFT, Refusal.PLANT_RUN_GOES_ON),
 )
-SHOW_PLANT_RUN = Operation(
+SHOW_PLANT_RUN = _operation(
     "plantRun",
-    "Return the last program that ran on any draft, with its result.",
+    "Return the last program that ran on any draft, or the last result of one on this draft.",
     "GET",
     f"{_DRAFT}/run",
     PlantRun,
-    admin=True,
-    refusals=(Refusal.UNKNOWN_PLANT_DRAFT,),
+    request=PlantRunQuery,
 )
-CANCEL_PLANT_RUN = Operation(
+CANCEL_PLANT_RUN = _operation(
     "cancelPlantRun",
     "End the program that runs on a draft; without one, nothing happens.",
     "DELETE",
     f"{_DRAFT}/run",
     PlantRun,
-    admin=True,
-    refusals=(Refusal.UNKNOWN_PLANT_DRAFT,),
 )
 LIST_PLANT_VERSIONS = Operation(
     "plantVersions",
@@ -156,13 +145,11 @@ LIST_PLANT_VERSIONS = Operation(
     PlantVersionList,
     admin=True,
 )
-COMPARE_PLANT_VERSION = Operation(
+COMPARE_PLANT_VERSION = _operation(
     "plantVersionDifferences",
     "Return what a version changed in the one before it, or what differs from another one.",
     "GET",
     f"{PLANT_VERSIONS}/{{name}}/differences",
     PlantDifferences,
-    admin=True,
     request=PlantDifferencesQuery,
-    refusals=(Refusal.UNKNOWN_PLANT_DRAFT,),
 )

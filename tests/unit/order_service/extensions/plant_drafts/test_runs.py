@@ -50,6 +50,11 @@ async def done(site: Site, program: str, **fields: Any) -> Any:
     return found
 
 
+async def last(site: Site, program: str) -> Any:
+    """Return the last result of a program on the draft."""
+    return await site.call("GET", f"{URL}?program={program}")
+
+
 async def test_a_map_is_kept_with_the_draft_and_becomes_a_plant(
     site: Site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -75,8 +80,12 @@ async def test_a_map_is_kept_with_the_draft_and_becomes_a_plant(
     assert [each["code"] for each in (await done(site, "CHECK", robotWidth=0.5))["findings"]] == []
     await site.save("mine", model=LINE, mapOf="aisle")
     await site.save("mine", model=proposed["model"], version=1, mapOf="other")
+    kept_runs = [await last(site, program) for program in ("PROPOSE", "CHECK", "SIMULATE")]
+    assert [run["version"] for run in kept_runs] == [1, 2, 0]
+    assert kept_runs[0]["model"] == proposed["model"]
     await site.call("DELETE", "/v1/plantDrafts/aisle")
     await site.save(model=LINE, mapOf="gone")
+    assert (await last(site, "PROPOSE"))["state"] == "NONE", "gone with its draft"
     assert (await site.call("GET", "/v1/plantDrafts/aisle/map"))["map"] is None, "gone with its draft"
     assert (await site.call("GET", "/v1/plantDrafts/mine/map"))["map"] == kept
 
@@ -144,6 +153,11 @@ async def test_a_draft_is_simulated_beside_the_active_plant(
     assert "the plant has no location 'Z'" in await failed(
         site, "SIMULATE", orders="from,to,per_hour\nA,Z,30\n"
     )
+    await site.save("other", model=LINE)
+    assert (await site.call("GET", URL.replace("aisle", "other") + "?program=SIMULATE"))["state"] == "NONE"
+    await site.call("POST", "/v1/plantDrafts/aisle/activation", version=2)
+    assert (await site.call("GET", URL))["state"] == "NONE", "of the service with the new plant"
+    assert await last(site, "SIMULATE") == alone, "kept, and not replaced by one that failed"
 
 
 async def test_one_program_runs_at_a_time_and_ends_when_it_is_cancelled(site: Site) -> None:

@@ -39,6 +39,7 @@ from nena_shared.fleet_api.plant_drafts import (
     PlantFileFormat,
     PlantFileQuery,
     PlantFinding,
+    PlantProgram,
     SavedPlantDraft,
 )
 from nena_shared.fleet_api.refusals import Refusal
@@ -47,7 +48,8 @@ from nena_shared.plant import PlantModel, PlantModelError
 DRAFT: Final = "plantDraft"
 """The kind of drafts' documents in the store, without the models."""
 DRAFT_MODEL: Final = "plantDraftModel"
-DRAFT_MAP: Final = "plantDraftMap"
+RESULTS: Final = {program: f"plantDraft{program.capitalize()}" for program in PlantProgram}
+"""The kinds of what programs leave with a draft: the map, and their last results."""
 DRAFTS_LIMIT: Final = 50
 """Maximum number of drafts."""
 OPEN_FOR: Final = 20.0
@@ -135,9 +137,7 @@ class Drafts:
                 locations=len(model.locations),
             )
             map_of = request.map_of if request.version is None else None
-            await self._commit(
-                name, status, text, map_of and await self._core.store.document(DRAFT_MAP, map_of)
-            )
+            await self._commit(name, status, text, map_of and await self.result(map_of, PlantProgram.MAP))
         return SavedPlantDraft(**dict(status), findings=findings), request.version is None
 
     async def _is_repeated(self, name: str, version: int | None, text: str) -> bool:
@@ -182,7 +182,6 @@ class Drafts:
             PlantInUseError: orders or vehicles use objects that it lacks.
             StoreNotReadyError: it may not be activated.
         """
-        self.status(name)
         self._check_version(name, request.version)
         model = await self._model(name)
         findings = await asyncio.to_thread(find_findings, model)
@@ -222,17 +221,15 @@ class Drafts:
             raise UnknownError(Refusal.UNKNOWN_PLANT_DRAFT, name)
         return found
 
-    async def map(self, name: str) -> Any:  # noqa: ANN401 - see keep_map
-        """Return the map that was kept with a draft, or None; raises UnknownError."""
-        self.status(name)
-        found = await self._core.store.document(DRAFT_MAP, name)
-        return json.loads(found) if found else None
+    async def result(self, name: str, program: PlantProgram) -> str | None:
+        """Return what a program has left with a draft, in JSON."""
+        return await self._core.store.document(RESULTS[program], name)
 
-    async def keep_map(self, name: str, document: str) -> None:
-        """Keep a map, in JSON, with a draft; raises UnknownError."""
+    async def keep(self, name: str, program: PlantProgram, document: str) -> None:
+        """Keep what a program leaves with a draft; raises UnknownError."""
         async with self._one_by_one:
             self.status(name)
-            changes = Changes(documents={(DRAFT_MAP, name): document})
+            changes = Changes(documents={(RESULTS[program], name): document})
             await self._core.engine.unit_of_work.commit(changes, lambda: None)
 
     async def _model(self, name: str) -> PlantModel:
@@ -259,8 +256,10 @@ class Drafts:
     ) -> None:
         document = status.model_dump_json(by_alias=True) if status else None
         changes = Changes(documents={(DRAFT, name): document, (DRAFT_MODEL, name): text})
-        if status is None or robot_map is not None:
-            changes.documents[DRAFT_MAP, name] = robot_map
+        if status is None:
+            changes.documents |= dict.fromkeys((kind, name) for kind in RESULTS.values())
+        elif robot_map is not None:
+            changes.documents[RESULTS[PlantProgram.MAP], name] = robot_map
 
         def show() -> None:
             if status:

@@ -27,6 +27,7 @@ from nena_shared.fleet_api.plant_drafts import (
     PlantMapPicture,
     PlantProgram,
     PlantRun,
+    PlantRunQuery,
     PlantRunRequest,
     PlantRunState,
 )
@@ -69,25 +70,29 @@ class Runs:
 
     async def map(self, name: str) -> PlantDraftMap:
         """Return the map of a draft; raises UnknownError."""
-        kept = await self._drafts.map(name)
+        self._drafts.status(name)
+        kept = await self._map(name)
         return PlantDraftMap(map=PlantMapPicture(**kept["picture"]) if kept else None)
 
-    async def show(self, name: str) -> PlantRun:
-        """Return the last run; raises UnknownError."""
+    async def show(self, name: str, request: PlantRunQuery) -> PlantRun:
+        """Return the last run, or the last result of a program; raises UnknownError."""
         self._drafts.status(name)
-        return self._last
+        if request.program is None:
+            return self._last
+        kept = request.program is not PlantProgram.MAP and await self._drafts.result(name, request.program)
+        return PlantRun.model_validate_json(kept) if kept else PlantRun()
 
     async def start(self, name: str, request: PlantRunRequest, caller: str) -> PlantRun:
         """Start a program; raises UnknownError, and RefusedError while another one runs."""
-        self._drafts.status(name)
+        version = self._drafts.status(name).version
         if self._task and not self._task.done():
             raise RefusedError(
                 Refusal.PLANT_RUN_GOES_ON,
                 f"{self._last.program} runs on the draft {self._last.draft!r}, started by {self._last.by}. "
                 "Wait, or cancel it.",
             )
-        running, now = PlantRunState.RUNNING, self._core.clock.now()
-        self._last = PlantRun(state=running, draft=name, program=request.program, began=now, by=caller)
+        of: dict[str, Any] = {"draft": name, "version": version, "program": request.program, "by": caller}
+        self._last = PlantRun(state=PlantRunState.RUNNING, began=self._core.clock.now(), **of)
         self._task = asyncio.create_task(self._run(name, request), name="program on a draft")
         return self._last
 
@@ -112,6 +117,9 @@ class Runs:
                     self._results(Path(folder), name, request), SECONDS[request.program]
                 )
             ended: dict[str, Any] = {"state": PlantRunState.DONE, **found}
+            if request.program is not PlantProgram.MAP:
+                done = self._last.model_copy(update=ended)
+                await self._drafts.keep(name, request.program, done.model_dump_json(by_alias=True))
         except TimeoutError:
             text = f"It was ended after {SECONDS[request.program]:.0f} s. Try less at once."
             ended = {"state": PlantRunState.FAILED, "texts": (text,)}
@@ -130,15 +138,13 @@ class Runs:
                 "plant new` and `nena simulate` on another computer and begin a draft with the plant that "
                 "they write."
             )
-        match request.program:
-            case PlantProgram.MAP:
-                return await self._keep_map(folder, name, request)
-            case PlantProgram.PROPOSE:
-                return await self._propose(folder, name, request)
-            case PlantProgram.CHECK:
-                return await self._check(folder, name, request)
-            case PlantProgram.SIMULATE:
-                return await self._simulate(folder, name, request)
+        programs = {
+            PlantProgram.MAP: self._keep_map,
+            PlantProgram.PROPOSE: self._propose,
+            PlantProgram.CHECK: self._check,
+            PlantProgram.SIMULATE: self._simulate,
+        }
+        return await programs[request.program](folder, name, request)
 
     async def _keep_map(self, folder: Path, name: str, request: PlantRunRequest) -> dict[str, Any]:
         files = request.map
@@ -151,7 +157,7 @@ class Runs:
         picture = {"name": files.name, **json.loads(about)}
         kept = {"picture": picture, "yaml": file.read_text(encoding="utf-8")}
         kept["image"] = b64encode(files.image).decode()
-        await self._drafts.keep_map(name, json.dumps(kept))
+        await self._drafts.keep(name, PlantProgram.MAP, json.dumps(kept))
         return {}
 
     async def _propose(self, folder: Path, name: str, request: PlantRunRequest) -> dict[str, Any]:
@@ -181,16 +187,7 @@ class Runs:
 
     async def _simulate(self, folder: Path, name: str, request: PlantRunRequest) -> dict[str, Any]:
         sizes = ",".join(map(str, request.robots))
-        options: list[object] = [
-            "--robots",
-            sizes,
-            "--hours",
-            request.hours,
-            "--jobs",
-            1,
-            "--json",
-            "done.json",
-        ]
+        options = f"--robots {sizes} --hours {request.hours} --jobs 1 --json done.json".split()
         if request.orders:
             (folder / "orders.csv").write_text(request.orders, encoding="utf-8")
             options += ["--orders", "orders.csv"]
@@ -214,9 +211,13 @@ class Runs:
         active = await figures_of(self._core.engine.plant.to_json())
         return {"figures": figures, "active_figures": active, "texts": tuple(texts)}
 
+    async def _map(self, name: str) -> Any:  # noqa: ANN401 - as _keep_map keeps it
+        kept = await self._drafts.result(name, PlantProgram.MAP)
+        return json.loads(kept) if kept else None
+
     async def _write_map(self, folder: Path, name: str) -> str:
         """Write the map of a draft, and return the name of its YAML file."""
-        kept = await self._drafts.map(name)
+        kept = await self._map(name)
         if kept is None:
             raise RunFailedError(NO_MAP)
         (folder / "image").write_bytes(b64decode(kept["image"]))

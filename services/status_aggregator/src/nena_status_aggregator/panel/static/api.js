@@ -54,16 +54,30 @@ export async function commandsEnabled() {
 }
 
 const ASKED_WITHIN = 5000; // ms
+const WAITED = 60_000; // ms
+const FAILED = 500; // and above: the order service has not answered, or not yet
 
 /** Fetch a resource of the order service, e.g. `ask("transportOrders", name)`; fails after 5 s without an answer. */
 export function ask(...path) {
-  return request(path, { headers: { accept: "application/json" }, signal: AbortSignal.timeout(ASKED_WITHIN) });
+  return askWith(path, []);
 }
 
 /** Fetch a resource of the order service with parameters, e.g. `askWith(["paths"], [["locked", true]])`. */
-export function askWith(path, parameters) {
-  const options = { headers: { accept: "application/json" }, signal: AbortSignal.timeout(ASKED_WITHIN) };
-  return request(path, options, `?${new URLSearchParams(parameters)}`);
+export function askWith(path, parameters, within = ASKED_WITHIN) {
+  const options = { headers: { accept: "application/json" }, signal: AbortSignal.timeout(within) };
+  return request(path, options, parameters.length ? `?${new URLSearchParams(parameters)}` : "");
+}
+
+/** Fetch a resource again until there is an answer, however slow the server is; `wanted()`: whether it still is of use. */
+export async function askUntil(wanted, path, parameters = []) {
+  for (;;) {
+    try {
+      return await askWith(path, parameters, WAITED);
+    } catch (error) {
+      if (!wanted() || (error instanceof RefusedError && error.status < FAILED)) throw error;
+    }
+    await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
+  }
 }
 
 /** Fetch a list of the order service with these filters, e.g. `fetchList("audit", { user })`; empty ones are left out. */

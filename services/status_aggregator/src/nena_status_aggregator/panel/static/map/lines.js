@@ -45,3 +45,14 @@ function onCurve([a, b, c, d], at) {
   const left = 1 - at;
   return [0, 1].map((axis) => left ** 3 * a[axis] + 3 * left ** 2 * at * b[axis] + 3 * left * at ** 2 * c[axis] + at ** 3 * d[axis]);
 }
+
+/** Return how far a place is from a line. */
+export function distanceToLine(place, line) {
+  return Math.min(...line.slice(1).map((end, at) => distanceToSegment(place, line[at], end)));
+}
+
+function distanceToSegment([x, y], [ax, ay], [bx, by]) {
+  const square = (bx - ax) ** 2 + (by - ay) ** 2;
+  const share = square ? Math.max(0, Math.min(1, ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / square)) : 0;
+  return Math.hypot(x - ax - share * (bx - ax), y - ay - share * (by - ay));
+}

@@ -2,7 +2,7 @@
 
 import { paintGrids } from "./grids.js";
 import { Labels } from "./labels.js";
-import { flattened, middle, stroke, trace } from "./lines.js";
+import { distanceToLine, flattened, middle, stroke, trace } from "./lines.js";
 import { labelWaiting, paintWaiting } from "./waiting.js";
 import { labelZones, paintZones } from "./zones.js";
 
@@ -122,16 +122,6 @@ export function placeAt(plan, view, [x, y]) {
 
 function distance([x, y], [otherX, otherY]) {
   return Math.hypot(x - otherX, y - otherY);
-}
-
-function distanceToLine(place, line) {
-  return Math.min(...line.slice(1).map((end, at) => distanceToSegment(place, line[at], end)));
-}
-
-function distanceToSegment([x, y], [ax, ay], [bx, by]) {
-  const square = (bx - ax) ** 2 + (by - ay) ** 2;
-  const share = square ? Math.max(0, Math.min(1, ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / square)) : 0;
-  return Math.hypot(x - ax - share * (bx - ax), y - ay - share * (by - ay));
 }
 
 const SAMPLES = 100;

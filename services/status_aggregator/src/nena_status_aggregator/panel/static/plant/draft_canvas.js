@@ -9,7 +9,7 @@ import { Viewport } from "../map/viewport.js";
 import { devices, join, placesAlong, stationRow, turn, withDoor } from "./building.js";
 import { bend } from "./curves.js";
 import { DraftPainter } from "./draft_painter.js";
-import { add, apart, connect, find, freshName, move, remove, snapped, split } from "./model.js";
+import { add, connect, find, freshName, move, remove, snapped, split } from "./model.js";
 import { hit, inside, makeScene, parted, partedLine, placesOf } from "./scene.js";
 
 const MM = 1000;
@@ -64,8 +64,7 @@ class DraftCanvas extends HTMLElement {
     listen("blur", () => (this.#leaving = false));
     listen("wheel", (event) => {
       event.preventDefault();
-      this.view.zoom(Math.exp(-event.deltaY / 400), event.offsetX, event.offsetY);
-      this.draw();
+      this.#zoom(Math.exp(-event.deltaY / 400), event.offsetX, event.offsetY);
     });
     this.#recolour();
   }
@@ -341,9 +340,9 @@ class DraftCanvas extends HTMLElement {
       if (!event.shiftKey && !event.ctrlKey) this.select(names); // of several, only this one
       return;
     }
-    const isLine = names.length && find(this.model, names[0]).kind === "path";
-    if (this.tool === "point" && (!names.length || isLine)) this.#addPointAt(place, names);
-    else if (this.tool === "location" && !names.length) this.#addLocationAt(place);
+    const isFree = !names.length || find(this.model, names[0]).kind === "path";
+    if (this.tool === "point" && isFree) this.#addPointAt(place, names);
+    else if (this.tool === "location" && isFree) this.#addLocationAt(place);
     else if (!event.shiftKey || names.length) this.select(names);
   }
 
@@ -359,9 +358,8 @@ class DraftCanvas extends HTMLElement {
   }
 
   #readLength([ax, ay], [bx, by]) {
-    const length = apart({ xMm: ax, yMm: ay }, { xMm: bx, yMm: by });
     const angle = (Math.atan2(by - ay, bx - ax) * 180) / Math.PI;
-    setText(this.readout, t("plant.measured", { length: number(length, 2), angle: number(angle, 0) }));
+    setText(this.readout, t("plant.measured", { length: number(Math.hypot(bx - ax, by - ay), 2), angle: number(angle, 0) }));
   }
 
   #key(event) {
@@ -378,8 +376,8 @@ class DraftCanvas extends HTMLElement {
     event.preventDefault();
   }
 
-  #zoom(factor) {
-    this.view.zoom(factor);
+  #zoom(...how) {
+    this.view.zoom(...how);
     this.draw();
   }
 

@@ -3,7 +3,7 @@
 import { number, t } from "../i18n.js";
 import { paintGrids } from "../map/grids.js";
 import { Labels } from "../map/labels.js";
-import { middle, trace } from "../map/lines.js";
+import { middle, stroke, trace } from "../map/lines.js";
 import { paintBlock } from "../map/plan_painter.js";
 import { paintWaiting } from "../map/waiting.js";
 import { placesOf } from "./scene.js";
@@ -102,6 +102,11 @@ function onScreen(view, line) {
   return placesOf(line).map(([x, y]) => view.toScreen(x, y));
 }
 
+function addLine(context, [ax, ay], [bx, by]) {
+  context.moveTo(ax, ay);
+  context.lineTo(bx, by);
+}
+
 // In chunks: without a graphics card, a stroke of all lines at once takes twice as long.
 function strokeLines(context, view, lines, colour, width) {
   context.strokeStyle = colour;
@@ -139,8 +144,7 @@ function paintPoints(context, view, points, selected, colours) {
   for (const { x, y, heading } of points.filter((point) => point.heading !== null)) {
     const [px, py] = view.toScreen(x, y);
     const angle = (heading * Math.PI) / 180;
-    context.moveTo(px, py);
-    context.lineTo(px + 14 * Math.cos(angle), py - 14 * Math.sin(angle));
+    addLine(context, [px, py], [px + 14 * Math.cos(angle), py - 14 * Math.sin(angle)]);
   }
   context.stroke();
   const stamps = stampsOf(colours);
@@ -186,14 +190,8 @@ function paintLocations(context, view, locations, selected, colours) {
   context.strokeStyle = colours.location;
   context.beginPath();
   for (const { x, y, links, doors } of locations) {
-    for (const line of doors) {
-      context.moveTo(...view.toScreen(x, y));
-      context.lineTo(...middle(onScreen(view, line), line.curved).slice(0, 2));
-    }
-    for (const point of links) {
-      context.moveTo(...view.toScreen(x, y));
-      context.lineTo(...view.toScreen(point.x, point.y));
-    }
+    for (const line of doors) addLine(context, view.toScreen(x, y), middle(onScreen(view, line), line.curved));
+    for (const point of links) addLine(context, view.toScreen(x, y), view.toScreen(point.x, point.y));
   }
   context.stroke();
   context.setLineDash([]);
@@ -246,14 +244,8 @@ function paintLattice(context, view, grid, colour) {
   const [left, top] = view.toPlane(0, 0);
   const [right, bottom] = view.toPlane(view.width, view.height);
   context.beginPath();
-  for (let x = Math.ceil(left / grid) * grid; x < right; x += grid) {
-    context.moveTo(view.toScreen(x, 0)[0], 0);
-    context.lineTo(view.toScreen(x, 0)[0], view.height);
-  }
-  for (let y = Math.ceil(bottom / grid) * grid; y < top; y += grid) {
-    context.moveTo(0, view.toScreen(0, y)[1]);
-    context.lineTo(view.width, view.toScreen(0, y)[1]);
-  }
+  for (let x = Math.ceil(left / grid) * grid; x < right; x += grid) addLine(context, view.toScreen(x, top), view.toScreen(x, bottom));
+  for (let y = Math.ceil(bottom / grid) * grid; y < top; y += grid) addLine(context, view.toScreen(left, y), view.toScreen(right, y));
   context.globalAlpha = 0.5;
   context.strokeStyle = colour;
   context.lineWidth = 1;
@@ -285,13 +277,7 @@ function paintGesture(context, view, { drag, box, ruler, row = [], bent, colours
   context.lineWidth = 2;
   context.setLineDash([6, 4]);
   if (bent) paintHandles(context, view, bent, colours);
-  for (const pair of [drag, ruler]) {
-    if (!pair) continue;
-    context.beginPath();
-    context.moveTo(...view.toScreen(...pair[0]));
-    context.lineTo(...view.toScreen(...pair[1]));
-    context.stroke();
-  }
+  for (const pair of [drag, ruler]) if (pair) stroke(context, pair.map((place) => view.toScreen(...place)));
   for (const place of row) {
     const [x, y] = view.toScreen(...place);
     context.strokeRect(x - 9, y - 7, 18, 14);
@@ -308,12 +294,7 @@ function paintGesture(context, view, { drag, box, ruler, row = [], bent, colours
 function paintHandles(context, view, bent, colours) {
   const line = onScreen(view, bent);
   context.lineWidth = 1;
-  for (const [a, b] of bent.curved ? [line.slice(0, 2), line.slice(-2)] : []) {
-    context.beginPath();
-    context.moveTo(...a);
-    context.lineTo(...b);
-    context.stroke();
-  }
+  for (const ends of bent.curved ? [line.slice(0, 2), line.slice(-2)] : []) stroke(context, ends);
   context.setLineDash([]);
   context.lineWidth = 2;
   context.fillStyle = colours.surface;

@@ -1,6 +1,6 @@
 // What has no place of its own on the drawing, blocks and robots: a list each, with the form of the one that is open.
 
-import { button, element, field, renew, select, verbatim } from "../dom.js";
+import { button, element, field, renew, select } from "../dom.js";
 import { number, t } from "../i18n.js";
 import { blockOf } from "./building.js";
 import { add, freshName } from "./model.js";
@@ -16,7 +16,7 @@ class Listing {
   #shown = null;
 
   constructor(kind, title, { edit, fields, opened }) {
-    Object.assign(this, { kind, edit, fields, opened });
+    Object.assign(this, { kind, list: `${kind}s`, edit, fields, opened });
     this.items = element("ul", { class: "entries" });
     this.more = element("div", { class: "actions" });
     this.element = element("section", { "aria-label": title }, element("h3", {}, title), this.items, this.more);
@@ -24,7 +24,7 @@ class Listing {
 
   show(model) {
     this.model = model;
-    const things = model[`${this.kind}s`] ?? [];
+    const things = model[this.list] ?? [];
     const shown = this.current === null ? things : model; // a form changes the whole model
     if (shown === this.#shown) return;
     this.#shown = shown;
@@ -41,13 +41,11 @@ class Listing {
   #item(thing) {
     const { name } = thing;
     const isOpen = name === this.current;
-    const head = verbatim("button", name, { type: "button", "aria-expanded": String(isOpen) });
-    head.addEventListener("click", () => {
+    const head = button(name, () => {
       this.open(isOpen ? null : name);
       this.opened(isOpen ? {} : thing);
-    });
-    const list = `${this.kind}s`;
-    const gone = button("×", () => this.edit({ ...this.model, [list]: this.model[list].filter((each) => each.name !== name) }), { "aria-label": t("plant.removeOne", { name }) });
+    }, { translate: "no", "aria-expanded": String(isOpen) });
+    const gone = button("×", () => this.edit({ ...this.model, [this.list]: this.model[this.list].filter((each) => each.name !== name) }), { "aria-label": t("plant.removeOne", { name }) });
     const form = new Form(this.model, this.kind, [thing], (model, [kept]) => {
       this.current = kept;
       this.edit(model);

@@ -8,38 +8,30 @@ const SPEED = 1000; // mm/s
 
 /** All versions of a model since it was opened: undo and redo without limit. */
 export class History {
-  #past = [];
-  #future = [];
+  past = [];
+  future = [];
 
   constructor(present) {
     this.present = present;
   }
 
-  get canUndo() {
-    return this.#past.length > 0;
-  }
-
-  get canRedo() {
-    return this.#future.length > 0;
-  }
-
   /** Go on with another model; returns whether it is another one. */
   push(model) {
     if (model === this.present) return false;
-    this.#past.push(this.present);
-    this.#future = [];
+    this.past.push(this.present);
+    this.future = [];
     this.present = model;
     return true;
   }
 
   /** Return to the model before; returns whether there is one. */
   undo() {
-    return this.#go(this.#past, this.#future);
+    return this.#go(this.past, this.future);
   }
 
   /** Take back an undo; returns whether there was one. */
   redo() {
-    return this.#go(this.#future, this.#past);
+    return this.#go(this.future, this.past);
   }
 
   #go(from, to) {

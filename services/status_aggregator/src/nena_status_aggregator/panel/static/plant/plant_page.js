@@ -1,6 +1,6 @@
 // The plant: drafts and versions, and the editor of a draft with its findings, activation and files.
 
-import { ask, askWith, command, fetchList, RefusedError } from "../api.js";
+import { ask, askUntil, askWith, command, RefusedError } from "../api.js";
 import { save } from "../csv.js";
 import { button, element, emptyBox, field, foreign, numberInput, numberOf, refillSelect, renew, select, setText, verbatim } from "../dom.js";
 import { commandForm, confirmation, run } from "../forms.js";
@@ -52,6 +52,7 @@ class PlantPage extends HTMLElement {
     if (view === null) return this.replaceChildren();
     const [, name] = currentView();
     if (name) document.body.dataset.drawing = "";
+    this.replaceChildren(this.#head(t("plant.title")), element("p", { class: "hint", role: "status" }, t("audit.loading")));
     try {
       await (name ? this.#openDraft(name, opened) : this.#openList(opened));
     } catch (error) {
@@ -68,7 +69,7 @@ class PlantPage extends HTMLElement {
   // Drafts and versions
 
   async #openList(opened) {
-    const [{ drafts }, { versions }] = await Promise.all([fetchList("plantDrafts", {}), fetchList("plantVersions", {})]);
+    const [{ drafts }, { versions }] = await Promise.all(["plantDrafts", "plantVersions"].map((list) => askUntil(() => opened === this.#opened, [list])));
     if (opened !== this.#opened) return;
     this.result = element("output", { class: "result", role: "status" });
     const rows = drafts.map((draft) => this.#draftItem(draft));
@@ -148,7 +149,7 @@ class PlantPage extends HTMLElement {
 
   async #openDraft(name, opened) {
     const saver = new DraftSaver(name, () => Boolean(this.canvas?.busy));
-    const model = await saver.open();
+    const model = await saver.open(() => opened === this.#opened);
     if (opened !== this.#opened) return saver.close();
     this.#saver = saver;
     this.name = name;
@@ -190,7 +191,7 @@ class PlantPage extends HTMLElement {
     this.vehicles = new Vehicles(kept, () => [...this.fleet.store.robots.keys()], () => this.#findClosed());
     this.closed = [];
     this.canvas.addEventListener("block", () => this.blocks.make());
-    this.trials = new Trials({ name, canvas: this.canvas, model: () => this.history.present, edit: (model) => this.#edit(model, []), flush: () => this.#saver.flush(), choose: (tool) => this.choose(tool) });
+    this.trials = new Trials({ name, canvas: this.canvas, model: () => this.history.present, version: () => this.#saver.version, edit: (model) => this.#edit(model, []), flush: () => this.#saver.flush(), choose: (tool) => this.choose(tool) });
     const keys = element("p", { class: "hint", id: "plant-keys" }, t("plant.keys"));
     const aside = element("div", { class: "beside" }, this.conflict, this.properties, this.findings, this.#activation(), ...this.trials.elements, this.blocks.element, this.vehicles.element, this.#files());
     this.replaceChildren(this.#head(verbatim("span", name), this.state, this.editors), this.#toolbar(), element("div", { class: "drawing" }, element("div", { class: "sheet" }, this.canvas, keys), aside));
@@ -205,8 +206,8 @@ class PlantPage extends HTMLElement {
       spacing.hidden = tool !== "row";
     });
     const act = (key, action) => button(t(key), action);
-    this.undoTool = act("plant.undo", () => this.#undo());
-    this.redoTool = act("plant.redo", () => this.#redo());
+    this.undoTool = act("plant.undo", () => this.#go("undo"));
+    this.redoTool = act("plant.redo", () => this.#go("redo"));
     const arrange = (key, how, axis) => act(key, () => this.#edit(how(this.history.present, new Set(this.canvas.selection), axis), this.canvas.selection));
     this.arranging = [arrange("plant.alignX", align, "xMm"), arrange("plant.alignY", align, "yMm"), arrange("plant.distributeX", distribute, "xMm"), arrange("plant.distributeY", distribute, "yMm")];
     this.removeTool = act("plant.delete", () => this.canvas.remove());
@@ -233,23 +234,16 @@ class PlantPage extends HTMLElement {
     this.#refresh(selection);
   }
 
-  #undo() {
-    if (this.history.undo()) this.#edited();
-  }
-
-  #redo() {
-    if (this.history.redo()) this.#edited();
-  }
-
-  #edited() {
+  #go(how) {
+    if (!this.history[how]()) return;
     this.#saver.save(this.history.present);
     this.#refresh();
   }
 
   #refresh(selection = this.canvas.selection) {
     this.canvas.show(this.history.present, selection);
-    this.undoTool.disabled = !this.history.canUndo;
-    this.redoTool.disabled = !this.history.canRedo;
+    this.undoTool.disabled = !this.history.past.length;
+    this.redoTool.disabled = !this.history.future.length;
     this.blocks.show(this.history.present);
     this.#showVehicles();
   }
@@ -257,9 +251,8 @@ class PlantPage extends HTMLElement {
   #key(event) {
     if (!this.canvas || event.target.matches("input, textarea, select") || !(event.ctrlKey || event.metaKey)) return;
     const key = event.key.toLowerCase();
-    if (key === "z" && !event.shiftKey) this.#undo();
-    else if (key === "y" || key === "z") this.#redo();
-    else return;
+    if (key !== "z" && key !== "y") return;
+    this.#go(key === "z" && !event.shiftKey ? "undo" : "redo");
     event.preventDefault();
   }
 
@@ -300,14 +293,14 @@ class PlantPage extends HTMLElement {
   }
 
   #showFindings() {
+    this.trials.mark();
     const findings = [...this.closed, ...this.#saver.findings, ...this.trials.findings];
     const at = new Map();
     for (const { name, isError } of findings) at.set(name, isError || at.get(name) || false);
     this.canvas.findings = at;
     this.canvas.draw();
     const items = findings.slice(0, SHOWN).map(({ kind, name, text, code, isError, codedReason }) => {
-      const place = name && kind !== "model" ? verbatim("button", name, { type: "button" }) : element("span");
-      place.addEventListener("click", () => this.canvas.reveal(name));
+      const place = name && kind !== "model" ? button(name, () => this.canvas.reveal(name), { translate: "no" }) : "";
       return element("li", { "data-code": code, "data-level": isError ? "FATAL" : "WARNING" }, element("strong", {}, t(isError ? "plant.error" : "plant.warning")), " ", place, codedReason ? "" : " ", reasonElement("span", { reason: text, codedReason }));
     });
     const none = element("p", { class: "hint" }, t("plant.noFindings"));
@@ -422,8 +415,7 @@ function stationType(model, name) {
 function differencesList({ differences, more }, reveal = null) {
   if (!differences.length) return element("p", { class: "hint" }, t("plant.same"));
   const items = differences.slice(0, SHOWN).map(({ change: what, kind, name, distance, fields }) => {
-    const place = reveal && what !== "REMOVED" ? verbatim("button", name, { type: "button" }) : verbatim("span", name);
-    if (reveal) place.addEventListener("click", () => reveal(name));
+    const place = reveal && what !== "REMOVED" ? button(name, () => reveal(name), { translate: "no" }) : verbatim("span", name);
     const rest = fields.length ? [" ", verbatim("span", fields.join(", "), { class: "hint" })] : [];
     return element("li", { "data-change": what }, element("strong", {}, t(`plant.change.${what}`, { distance: number(distance ?? 0, 2) })), " ", t(`plant.kind.${kind.replace(" ", "_")}`), " ", place, ...rest);
   });

@@ -100,8 +100,7 @@ function pathFields(form, canvas) {
   const oneWays = form.things.filter((path) => !(form.model.paths ?? []).some((each) => each.source === path.destination && each.destination === path.source));
   const both = button(t("plant.addWayBack"), () => form.edit(withWayBack(form.model, oneWays.map(({ name }) => name)), form.names));
   const turn = button(t("plant.turn"), () => canvas.turn());
-  const parts = form.names.map((name) => verbatim("button", name, { type: "button" }));
-  for (const [at, each] of parts.entries()) each.addEventListener("click", () => canvas.select([form.names[at]]));
+  const parts = form.names.map((name) => button(name, () => canvas.select([name]), { translate: "no" }));
   const actions = element("div", { class: "actions" }, ...(oneWays.length ? [both] : []), turn);
   const door = doorField(form);
   const points = new Map(form.model.points.map((each) => [each.name, each]));

@@ -1,6 +1,6 @@
 // Saves a draft by itself after each change, and hears of others who edit it.
 
-import { ask, askWith, command, newKey } from "../api.js";
+import { askUntil, askWith, command, newKey } from "../api.js";
 
 const SOON = 600; // ms after a change
 const AGAIN = 2000; // ms after a save without an answer
@@ -32,9 +32,9 @@ export class DraftSaver extends EventTarget {
     this.busy = busy;
   }
 
-  /** Load the draft; returns its model. */
-  async open() {
-    const draft = await ask("plantDrafts", this.name);
+  /** Load the draft, while it is `wanted()`; returns its model. */
+  async open(wanted) {
+    const draft = await askUntil(wanted, ["plantDrafts", this.name]);
     this.#take(draft);
     this.poll = setInterval(() => document.hidden || this.#look(), EVERY);
     this.#look();

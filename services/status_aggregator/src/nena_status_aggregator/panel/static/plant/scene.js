@@ -1,6 +1,6 @@
 // A plant model as it is drawn (m), and what is at a place of it. No DOM.
 
-import { flattened } from "../map/lines.js";
+import { distanceToLine, flattened } from "../map/lines.js";
 import { devices } from "./building.js";
 
 const MM = 1000;
@@ -83,19 +83,10 @@ export function hit(scene, view, [px, py]) {
   if (found) return found;
   least = NEAR_LINE;
   for (const line of scene.lines) {
-    const places = flattened({ line: placesOf(line).map(([x, y]) => view.toScreen(x, y)), curved: line.curved });
-    for (let at = 1; at < places.length; at += 1) {
-      const away = toSegment([px, py], places[at - 1], places[at]);
-      if (away < least) [found, least] = [line.names, away];
-    }
+    const away = distanceToLine([px, py], flattened({ line: placesOf(line).map(([x, y]) => view.toScreen(x, y)), curved: line.curved }));
+    if (away < least) [found, least] = [line.names, away];
   }
   return found ?? [];
-}
-
-function toSegment([x, y], [ax, ay], [bx, by]) {
-  const square = (bx - ax) ** 2 + (by - ay) ** 2;
-  const share = square ? Math.max(0, Math.min(1, ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / square)) : 0;
-  return Math.hypot(x - ax - share * (bx - ax), y - ay - share * (by - ay));
 }
 
 /** Return the names of the points and locations in a rectangle (m), given by two corners. */

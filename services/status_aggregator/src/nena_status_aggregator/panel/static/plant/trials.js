@@ -1,14 +1,15 @@
 // Programs that the order service runs on a draft: its robot's map, a proposal from it, the clearance of paths, a simulation.
 
-import { ask, command, RefusedError } from "../api.js";
+import { askUntil, command, RefusedError } from "../api.js";
 import { button, element, field, foreign, numberInput, numberOf, refillSelect, select } from "../dom.js";
 import { commandForm, run } from "../forms.js";
-import { byName, duration, number, t } from "../i18n.js";
+import { byName, dateAndTime, duration, number, t } from "../i18n.js";
 import { loadMap } from "../map/grids.js";
 import { turned } from "./model.js";
 
 const SOON = 1000; // ms, between two looks at a program
 const CLOSE = "PATH_TOO_CLOSE";
+const KEPT = ["PROPOSE", "CHECK", "SIMULATE"]; // programs whose last results the order service keeps
 const SURE = 0.15; // a cell of a robot's map may be occupied with this probability; what is unknown is drawn a little darker
 const PLACES = 4; // two pairs: in the plan, on the map
 
@@ -19,73 +20,83 @@ export class Trials extends EventTarget {
   #robots = new Map(); // by id, with a map
   #checked = null; // what the clearance was checked for
   #due = false; // whether the draft has changed since
-  #waiting = 0; // programs that have not ended
   #last = Promise.resolve();
+  #marks = Object.fromEntries(KEPT.map((program) => [program, element("p", { class: "hint" })])); // of whom and when a result is
+  #results = new Map(); // by program
 
-  /** `page`: {name, canvas, model(), edit(model), flush(), choose(tool)}. */
+  /** `page`: {name, canvas, model(), version(), edit(model), flush(), choose(tool)}. */
   constructor(page) {
     super();
     this.page = page;
     this.elements = [this.#mapSection(), this.#simulation()];
   }
 
-  /** Load the draft's map, and follow a simulation that still runs. */
+  /** Load the draft's map and the last results, and follow a program that still runs. */
   async open() {
     await this.#loadMap();
-    const last = await ask("plantDrafts", this.page.name, "run");
-    if (last.draft !== this.page.name || last.program !== "SIMULATE" || !["RUNNING", "DONE"].includes(last.state)) return;
-    if (last.state === "DONE") this.#showFigures(last);
-    else run(this.simulate.querySelector("button.primary"), this.simulate.querySelector("output"), () => this.#follow().then((done) => this.#showFigures(done)));
+    for (const program of KEPT) {
+      const kept = await this.#ask("run", [["program", program]]);
+      if (kept.state === "DONE") await this.#show(kept);
+    }
+    const last = await this.#ask("run");
+    if (last.draft !== this.page.name || last.state !== "RUNNING") return;
+    const form = last.program === "SIMULATE" ? this.simulate : this.work;
+    run(form.querySelector("button.primary"), form.querySelector("output"), () => this.#follow(last).then(() => ["plant.ended", {}]));
   }
 
-  /** Check the clearance of a changed draft, if it was checked before. */
+  #ask(what, parameters) {
+    return askUntil(() => this.page.canvas.isConnected, ["plantDrafts", this.page.name, what], parameters);
+  }
+
+  /** Check the clearance of a changed draft, if it was checked before: once the program that runs has ended. */
   recheck() {
     this.#due = this.#checked !== null;
-    this.#settle();
-  }
-
-  // What changed while a program ran is checked after it.
-  #settle() {
-    if (this.#due && !this.#waiting) this.#check(this.#checked).catch(() => null);
+    this.#run({ program: "CHECK", ...this.#checked }, () => this.#due).catch(() => null);
   }
 
   // One after the other, as the order service runs them.
-  #run(request) {
-    this.#waiting += 1;
-    const start = async () => {
+  #run(request, wanted = () => true) {
+    const done = this.#last.then(async () => {
+      if (!wanted()) return null;
       await this.page.flush();
-      // first: a reload shows the figures only of the program that ran last
-      if (this.#due && request.program === "SIMULATE") await this.#perform({ program: "CHECK", ...this.#checked }).catch(() => null);
-      return this.#perform(request);
-    };
-    const done = this.#last.then(start);
-    this.#last = done.catch(() => null).then(() => {
-      this.#waiting -= 1;
-      this.#settle();
+      if (request.program === "CHECK") this.#due = false;
+      return this.#follow(await command(["plantDrafts", this.page.name, "run"], request));
     });
+    this.#last = done.catch(() => null);
     return done;
   }
 
-  async #perform(request) {
-    if (request.program === "CHECK") this.#due = false;
-    await command(["plantDrafts", this.page.name, "run"], request);
-    const done = await this.#follow();
-    if (request.program === "CHECK") {
-      this.findings = done.findings.filter(({ code }) => code === CLOSE);
-      this.dispatchEvent(new Event("findings"));
-    }
-    return done;
-  }
-
-  // Look at the program that runs until it ends.
-  async #follow() {
+  // Look at a program until it ends, and show its result. Meanwhile, another one may have begun.
+  async #follow({ program, began }) {
     for (;;) {
-      const last = await ask("plantDrafts", this.page.name, "run");
-      if (last.state !== "RUNNING") {
-        if (last.state === "DONE") return last;
-        throw new RefusedError({ detail: last.texts[0] ?? t("plant.cancelled"), errors: last.texts.slice(1) });
+      const latest = await this.#ask("run");
+      const last = latest.began === began ? latest : await this.#ask("run", [["program", program]]);
+      if (last.state === "DONE" && last.began === began) {
+        await this.#show(last);
+        return last;
       }
+      const [detail = t("plant.cancelled"), ...errors] = last.state === "FAILED" ? last.texts : [];
+      if (last.state !== "RUNNING") throw new RefusedError({ detail, errors });
       await new Promise((resolve) => setTimeout(resolve, SOON));
+    }
+  }
+
+  async #show(result) {
+    const { program } = result;
+    if (program === "MAP") return this.#loadMap();
+    if (program === "PROPOSE") this.#showProposal(result);
+    else if (program === "SIMULATE") this.#showFigures(result);
+    else this.findings = result.findings.filter(({ code }) => code === CLOSE);
+    this.dispatchEvent(new Event("findings"));
+    this.#results.set(program, result);
+    this.mark();
+  }
+
+  /** Tell whose results are shown, and which are of an older state of the draft; a proposal depends on the map alone. */
+  mark() {
+    for (const [program, { version, began, by }] of this.#results) {
+      const older = program !== "PROPOSE" && version < this.page.version() ? [" ", element("strong", {}, t("plant.older"))] : [];
+      this.#marks[program].replaceChildren(`${t(`plant.${program.toLowerCase()}`)}: ${dateAndTime(began)}, ${by}.`, ...older);
     }
   }
 
@@ -102,11 +113,12 @@ export class Trials extends EventTarget {
     const size = (key, value, attributes) => [key, numberInput({ value, step: 0.05, required: true, ...attributes })];
     const inputs = Object.fromEntries([size("robotWidth", 0.6, { min: 0.05, max: 10 }), size("robotLength", 0.8, { min: 0.05, max: 10 }), size("clearance", 0.1, { min: 0, max: 5 }), size("spacing", 3, { min: 0.5, max: 20 })]);
     const robot = () => Object.fromEntries(Object.entries(inputs).map(([key, input]) => [key, numberOf(input)]));
-    const check = button(t("plant.check"), () => run(check, work.querySelector("output"), () => this.#check(robot())));
-    const align = button(t("plant.alignMap"), () => this.#align(work.querySelector("output")));
+    const check = button(t("plant.check"), () => run(check, this.work.querySelector("output"), () => this.#check(robot())));
+    const align = button(t("plant.alignMap"), () => this.#align(this.work.querySelector("output")));
+    this.proposal = element("div");
     const fields = element("div", { class: "fields" }, ...Object.entries(inputs).map(([key, input]) => field(t(`plant.new.${key}`), input)));
-    const work = commandForm({ label: t("plant.fromMap"), submit: t("plant.propose"), fields: [fields], more: [check, align], send: () => this.#propose(robot()) });
-    return element("section", { "aria-label": t("plant.map") }, element("h3", {}, t("plant.map")), upload, work);
+    this.work = commandForm({ label: t("plant.fromMap"), submit: t("plant.propose"), fields: [fields], more: [check, align], send: () => this.#propose(robot()) });
+    return element("section", { "aria-label": t("plant.map") }, element("h3", {}, t("plant.map")), upload, this.work, this.#marks.PROPOSE, this.proposal, this.#marks.CHECK);
   }
 
   /** Offer the maps of robots beside the upload. */
@@ -118,12 +130,11 @@ export class Trials extends EventTarget {
 
   async #keep(map) {
     await this.#run({ program: "MAP", map });
-    await this.#loadMap();
     return ["plant.mapKept", { name: map.name }];
   }
 
   async #loadMap() {
-    const { map } = await ask("plantDrafts", this.page.name, "map");
+    const { map } = await this.#ask("map");
     if (!map) return;
     const bytes = Uint8Array.from(atob(map.picture), (each) => each.charCodeAt(0));
     const image = await createImageBitmap(new Blob([bytes], { type: "image/png" })); // no URL, which the page may not load
@@ -132,13 +143,22 @@ export class Trials extends EventTarget {
     this.page.canvas.fit();
   }
 
-  // Robots and the name stay: a map knows neither.
   async #propose(robot) {
-    const { model, texts } = await this.#run({ program: "PROPOSE", ...robot });
+    const { model } = await this.#run({ program: "PROPOSE", ...robot });
+    this.#takeProposal(model);
+    return ["plant.proposed", {}];
+  }
+
+  #showProposal({ model, texts }) {
+    const take = button(t("plant.takeProposal"), () => this.#takeProposal(model));
+    this.proposal.replaceChildren(element("ul", { class: "hint" }, ...texts.map((each) => foreign("li", each))), element("div", { class: "actions" }, take));
+  }
+
+  // Robots and the name stay: a map knows neither.
+  #takeProposal(model) {
     const { name, vehicles } = this.page.model();
     this.page.edit({ ...model, name, vehicles });
     this.page.canvas.fit();
-    return ["plant.proposed", {}, element("ul", {}, ...texts.map((each) => foreign("li", each)))];
   }
 
   async #check(robot) {
@@ -176,11 +196,12 @@ export class Trials extends EventTarget {
     this.figures = element("div");
     const send = async () => {
       const request = { program: "SIMULATE", robots: robots.value.split(",").map(Number), hours: numberOf(hours), orders: (await orders.files[0]?.text()) ?? "" };
-      return this.#showFigures(await this.#run(request));
+      await this.#run(request);
+      return ["plant.ended", {}];
     };
     const fields = element("div", { class: "fields" }, field(t("plant.fleetSizes"), robots), field(t("plant.hours"), hours), field(t("plant.orders"), orders));
     this.simulate = commandForm({ label: t("plant.simulate"), submit: t("plant.simulate"), fields: [fields], more: [cancel], send });
-    return element("section", { "aria-label": t("plant.simulate") }, element("h3", {}, t("plant.simulate")), element("p", { class: "hint" }, t("plant.simulateHint")), this.simulate, this.figures);
+    return element("section", { "aria-label": t("plant.simulate") }, element("h3", {}, t("plant.simulate")), element("p", { class: "hint" }, t("plant.simulateHint")), this.simulate, this.#marks.SIMULATE, this.figures);
   }
 
   #showFigures({ figures, activeFigures, texts }) {
@@ -195,7 +216,6 @@ export class Trials extends EventTarget {
     const table = element("table", {}, element("caption", {}, t("plant.beside")), element("thead", {}, element("tr", {}, ...heads)), element("tbody", {}, ...rows));
     const notes = new Set([...texts, ...figures.flatMap((each) => each.notes)]);
     this.figures.replaceChildren(table, element("ul", { class: "hint" }, ...[...notes].map((each) => foreign("li", each))));
-    return ["plant.simulated", {}];
   }
 
   // Where the robots of one fleet size waited; a second click hides it.
