@@ -24,7 +24,7 @@ from nena_simulate.site import Case
 from support.drawn_maps import CELL, Pixels, office, warehouse, write_map
 
 SIZE = RobotSize(width=0.6, length=0.8, clearance=0.1)
-FLEETS, SEEDS, HOURS = (3, 6, 10), (1, 2), 0.5
+FLEETS, SEEDS, HOURS = (3, 6, 10), (1, 2, 3), 0.5
 BACKLOG = 20
 
 Place = tuple[float, float]

@@ -108,7 +108,9 @@ def test_wide_aisles_get_a_lane_for_each_direction(tmp_path: Path) -> None:
 def test_robots_do_not_meet_on_the_rings_of_a_room(tmp_path: Path) -> None:
     _, proposal = proposed(tmp_path, office())
     assert proposal.one_way_pairs == 0
-    assert len(one_way_paths(proposal.model)) >= 6 * 3
+    lanes = one_way_paths(proposal.model)
+    assert len(lanes) >= 6 * 3
+    assert max(path.length_mm for path in lanes) < 2500, "several queue to leave a room"
 
 
 def test_long_narrow_corridor_gets_passing_places_where_there_is_room(tmp_path: Path) -> None:

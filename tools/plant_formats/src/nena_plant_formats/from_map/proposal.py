@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from string import ascii_uppercase
@@ -26,6 +26,8 @@ PAIR_FROM: Final = 2.5
 """Shortest track that becomes a pair of one-way lanes, in spacings."""
 RING_TO: Final = 6.0
 """Longest ring at the end of a track that becomes one-way, in spacings; robots meet on it otherwise."""
+QUEUE_FROM: Final = 2.5
+"""Shortest drive of a ring that gets a place where robots queue to leave it, in lengths of a robot."""
 PASSING_AFTER: Final = 4
 """Longest track without a passing place, in spacings."""
 SQUARE: Final = 5.0
@@ -60,11 +62,10 @@ def propose_plant(
     space = FreeSpace(robot_map, size)
     cell = robot_map.resolution
     if not space.area:
-        message = f"No place of map {robot_map.name!r} has room for a robot {size.width} m wide with "
-        message += (
+        raise RobotMapError(
+            f"No place of map {robot_map.name!r} has room for a robot {size.width} m wide with "
             f"{size.clearance} m on each side. Check resolution, thresholds and negate in its YAML file."
         )
-        raise RobotMapError(message)
     network = build_network(space, spacing / cell, COVER / cell)
 
     def where(place: Cells) -> str:
@@ -88,10 +89,10 @@ def propose_plant(
         added = _add_passing_places(network, chain, PASSING_AFTER * spacing / cell)
         passing |= set(added)
         if not added:
-            track = (
-                f"the track of {length * cell:.0f} m around {where(network.places[chain[len(chain) // 2]])}"
+            at = where(network.places[chain[len(chain) // 2]])
+            remarks.append(
+                f"the track of {length * cell:.0f} m around {at} has no room for two robots to pass"
             )
-            remarks.append(f"{track} has no room for two robots to pass")
     parking = _add_parking(network, spacing / cell)
     tight = [at for at, near in network.neighbours().items() if len(near) == 1 and at not in parking]
     if tight:
@@ -127,26 +128,27 @@ def _part_directions(network: Network, chain: list[int], shortest: float, longes
     """
     near = network.neighbours()
     if chain[0] == chain[-1] and length_of([network.places[at] for at in chain]) <= longest_ring:
-        network.drives -= {(after, before) for before, after in pairwise(chain)}
+        for before, after in pairwise(chain):
+            network.drives.remove((after, before))
+            start, end = network.places[before], network.places[after]
+            if np.hypot(*(end - start)) >= QUEUE_FROM * network.space.length:
+                middle = network.add_place((start + end) / 2)
+                network.drives = network.drives - {(before, after)} | {(before, middle), (middle, after)}
     if chain[0] == chain[-1] or 1 in (len(near[chain[0]]), len(near[chain[-1]])):
         return False  # a dead end: the robots come back on the same lane
     places = [network.places[at] for at in chain]
     if length_of(places) < shortest:
         return False
-    lanes = []
-    for trail in (places, places[::-1]):
-        lane = [trail[0], *_beside(trail, network.space.apart / 2), trail[-1]]
-        if not all(network.space.sees(a, b) for a, b in pairwise(lane)):
-            return False
-        lanes.append(lane)
-    for first, second in pairwise(chain):
-        network.drives -= {(first, second), (second, first)}
+    apart = network.space.apart / 2
+    lanes = [[trail[0], *_beside(trail, apart), trail[-1]] for trail in (places, places[::-1])]
+    if not all(network.space.sees(a, b) for lane in lanes for a, b in pairwise(lane)):
+        return False
+    network.drives -= {*pairwise(chain), *pairwise(chain[::-1])}
     # The first lane takes the places of the track over, so that none is left without a drive.
     for at, place in zip(chain[1:-1], lanes[0][1:-1], strict=True):
         network.places[at] = place
-    network.drives |= set(pairwise(chain))
     back = [chain[-1], *map(network.add_place, lanes[1][1:-1]), chain[0]]
-    network.drives |= set(pairwise(back))
+    network.drives |= {*pairwise(chain), *pairwise(back)}
     return True
 
 
@@ -208,14 +210,13 @@ def _model_of(
     """Return the plant of a network."""
     plane = robot_map.to_plane(np.array(network.places))
     names = _names_of(plane, parking)
-    on_map: Mapping[str, str] = {keys.VDA5050_MAP_ID: robot_map.name}
     points = [
         Point(
             name=name,
             x_mm=round(x * MM_PER_M),
             y_mm=round(y * MM_PER_M),
             type=PointType.PARK_POSITION if at in parking else PointType.HALT_POSITION,
-            properties=on_map,
+            properties={keys.VDA5050_MAP_ID: robot_map.name},
         )
         for at, (name, (x, y)) in enumerate(zip(names, plane, strict=True))
     ]
