@@ -53,6 +53,7 @@ class MemoryStore(Store):
         self.held = False
         self.commits = 0
         self._answers = set()
+        self._loss = ""
         self.found = Unfinished((), {}, 0)
         self._waiting: list[Callable[[], None]] = []
         self._orders: dict[int, object] = {}
