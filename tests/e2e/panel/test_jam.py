@@ -304,7 +304,7 @@ async def test_emergency_stop_among_many_robots_is_visible_at_once(
             robot(hall, number, 9 + number % 8, 6 + number // 8 / 2, **stop)
         async with opened(browser, hall.url, width=width, height=height) as page:
             await expect(page.get_by_role("tab", name="Robots")).to_have_text(f"Robots ({ROBOTS})")
-            wide = page.get_by_role("button", name=f"AMR-{ROBOTS}: Emergency stop")
+            wide = page.get_by_role("button", name=f"Emergency stop: AMR-{ROBOTS}")
             narrow = page.locator("nena-attention").get_by_role("link", name=f"AMR-{ROBOTS}")
             await expect(wide if width > 900 else narrow).to_be_in_viewport()
             await expect(page.locator("tr[data-robot]").first).to_contain_text(f"AMR-{ROBOTS}")
