@@ -82,6 +82,7 @@ def test_filter_of_problems(engine: Engine) -> None:
     problems: list[tuple[Code, Values]] = [
         (Code.ERROR_RAISED, {"errorType": "e"}),
         (Code.CONDITION, {"condition": "BLOCKED"}),
+        (Code.CONDITION, {"condition": "SILENT", "reason": "silent"}),
         (Code.CONNECTION, {"state": None}),
         (Code.ORDER_ENDED, {"outcome": "abandoned"}),
         (Code.ACTION_ENDED, {"status": "FAILED"}),
@@ -93,6 +94,7 @@ def test_filter_of_problems(engine: Engine) -> None:
     ]
     others: list[tuple[Code, Values]] = [
         (Code.CONDITION, {"condition": "WAITING"}),
+        (Code.CONDITION, {"condition": "SILENT", "reason": "expected"}),
         (Code.CONNECTION, {"state": "ONLINE"}),
         (Code.ORDER_ENDED, {"outcome": "completed"}),
         (Code.ACTION_ENDED, {"status": "FINISHED"}),

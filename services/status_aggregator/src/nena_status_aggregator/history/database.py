@@ -304,9 +304,11 @@ def _is_problem(values: EventValues) -> ColumnElement[bool]:
     code, text = values.table.c.code, values.text
     ended_as = func.coalesce(text("outcome"), text("state"))  # events of earlier releases have no outcome
     failed = ended_as.in_(FAILED_ORDERS), func.coalesce(values.truth("gaveWay"), 0) == 0
+    # A robot that has just connected is silent until its first state comes: that is how each one begins.
+    stopped = text("condition").in_(STOPPED), func.coalesce(text("reason"), "") != "expected"
     return or_(
         code.in_((Code.ERROR_RAISED.value, Code.HISTORY_GAP.value)),
-        and_(code == Code.CONDITION.value, text("condition").in_(STOPPED)),
+        and_(code == Code.CONDITION.value, *stopped),
         and_(code == Code.CONNECTION.value, func.coalesce(text("state"), "") != ConnectionState.ONLINE.value),
         and_(code == Code.LINK.value, values.truth("connected") == 0),
         and_(code == Code.ORDER_ENDED.value, text("outcome") == Outcome.ABANDONED.value),
