@@ -48,7 +48,7 @@ def as_from_a_terminal() -> None:
 
 
 def what_of(process: subprocess.Popen[bytes]) -> str:
-    """Tell a program that hangs from one that got no CPU, and from one that has ended."""
+    """Return the exit status of a program; if it runs, its state and CPU time: does it hang or lack CPU?"""
     if process.poll() is not None:
         return f"exit status {process.returncode}"
     running = psutil.Process(process.pid)

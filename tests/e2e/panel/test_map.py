@@ -264,7 +264,7 @@ async def test_drawing_a_robot_takes_few_calls(hall: Hall, browser: Browser) -> 
 
 
 @pytest.mark.long
-@pytest.mark.skipif(IN_FIREFOX, reason="Firefox tells nobody the processor time of a page")
+@pytest.mark.skipif(IN_FIREFOX, reason="Firefox does not report a page's processor time")
 async def test_two_hundred_robots_at_two_hertz_are_drawn_smoothly(hall: Hall, browser: Browser) -> None:
     """Count in the page's own processor time, in units of a yardstick: other work slows down both alike.
 

@@ -173,7 +173,7 @@ def _of_services(fleet: Fleet) -> Iterator[Matter]:
 
 
 def _locked_together(services: OrderServiceWatch) -> Iterator[tuple[tuple[str, ...], SetBy | None]]:
-    """Yield the paths that one person has locked in one go, together, and each other one by itself."""
+    """Yield the locked paths, grouped where one person has locked several in one go."""
     together: list[str] = []
     last: SetBy | None = None
     known = services.locked_by

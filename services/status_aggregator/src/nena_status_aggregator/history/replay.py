@@ -96,9 +96,8 @@ class Track:
         elif code == Code.JAM:
             jam = int(values.get("robots") or 0)
         else:
-            if (before := values.get("before")) and not self.replay[
-                "looks"
-            ]:  # the first tells what was before
+            before = values.get("before")
+            if before and not self.replay["looks"]:  # the first change tells what was before
                 self._add_look(self._since, (before, False, loads, jam))
             condition, urgent = values.get("condition"), values.get("reason") in URGENT
         self._add_look(time, (condition, urgent, loads, jam))
